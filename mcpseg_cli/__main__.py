@@ -1,0 +1,5 @@
+"""``python -m mcpseg_cli``: the same as the ``mcpseg`` command."""
+
+from mcpseg_cli.cli import main
+
+main()

@@ -1,0 +1,40 @@
+"""Growing arrays: what a map knows of its voxels and objects, one row each."""
+
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+ScalarT = TypeVar("ScalarT", bound=np.generic)
+
+
+class Column(Generic[ScalarT]):
+    """Rows that are appended; capacity doubles, so that an append costs O(rows appended) on average.
+
+    Args:
+        dtype: Type of an element.
+        shape: Shape of one row; () for a plain number.
+    """
+
+    def __init__(self, dtype: type[ScalarT], *shape: int) -> None:
+        self._data: NDArray[ScalarT] = np.empty((1024, *shape), dtype)
+        self._count = 0
+
+    @property
+    def rows(self) -> NDArray[ScalarT]:
+        """All rows so far: a view, valid until the next append."""
+        return self._data[: self._count]
+
+    def append(self, rows: NDArray[ScalarT]) -> None:
+        """Copy rows to the end."""
+        end = self._count + len(rows)
+        if end > len(self._data):
+            grown = np.empty((max(end, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype)
+            grown[: self._count] = self.rows
+            self._data = grown
+        self._data[self._count : end] = rows
+        self._count = end
+
+    def truncate(self, count: int) -> None:
+        """Forget the rows from ``count`` on."""
+        self._count = min(count, self._count)

@@ -1,0 +1,34 @@
+"""Expected failures: each is one line that says what was found, what was expected and what to do."""
+
+from pathlib import Path
+
+
+class McpsegError(Exception):
+    """An expected failure; ``str(error)`` is one complete line for the user."""
+
+
+class InputError(McpsegError):
+    """A file or table that cannot be used as it is.
+
+    Args:
+        source: The file (or other origin) at fault.
+        found: What is there.
+        expected: What should be there.
+        remedy: What the user can do.
+    """
+
+    def __init__(self, source: Path | str, found: str, expected: str, remedy: str) -> None:
+        self.source = str(source)
+        super().__init__(" ".join(f"{source}: {found}; expected {expected}; {remedy}".split()))
+
+
+class WeightsError(InputError):
+    """A weights file that is damaged, foreign or does not fit."""
+
+
+class StateError(McpsegError):
+    """A checkpoint that cannot be continued: in use, foreign, damaged or made under other settings."""
+
+
+class OutputError(McpsegError):
+    """An output that cannot be written."""

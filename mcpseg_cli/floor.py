@@ -1,0 +1,53 @@
+"""The height of the floor, from the map around the robot (III-B: "the z-coordinate is zero at the floor level").
+
+The lowest point of a scan is the floor only for a scanner that sees the whole sphere and no stray point below it. The
+map around the robot remembers a floor that this scan does not see.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.grid import voxel_of
+from mcpseg_cli.voxel_map import VoxelMap
+
+_RADIUS = 2.0  # metres around the robot in which to look
+_BELOW = 3.0  # the floor is at most this far below the sensor, metres
+_ABOVE = 0.5  # ... or above the pose, for poses given at the robot's foot
+_FLAT_NEIGHBOURS = 6  # of 8 beside a voxel, a layer up or down allowed: two-voxel-thick walls reach 5
+_MIN_AREA = 0.2  # square metres of flat voxels that make a floor
+_MIN_SHARE = 0.2  # ... and their share of the largest flat layer
+
+
+def floor_height(voxel_map: VoxelMap, position: NDArray[np.float64]) -> float | None:
+    """Find the lowest large level surface around the robot.
+
+    Args:
+        voxel_map: The map, this scan included.
+        position: (3,) float64 sensor position, metres, map frame.
+
+    Returns:
+        Mean height of that surface's points, metres, map frame; None if the map shows no level surface there.
+    """
+    size = voxel_map.voxel_size
+    low, high = voxel_of(position + np.array([[-_RADIUS, -_RADIUS, -_BELOW], [_RADIUS, _RADIUS, _ABOVE]]), size)
+    shape = high - low + 1
+    ids = voxel_map.occupancy(low, (int(shape[0]), int(shape[1]), int(shape[2])))
+    flat = _flat(ids >= 0)
+    area = flat.sum(axis=(0, 1))
+    area[:-1] += area[1:]  # a floor at a voxel border is split between two layers
+    wide = np.flatnonzero((area * size**2 >= _MIN_AREA) & (area >= _MIN_SHARE * area.max(initial=0)))
+    if len(wide) == 0:
+        return None
+    layers = slice(wide[0], wide[0] + 2)
+    return float(voxel_map.xyz[ids[:, :, layers][flat[:, :, layers]], 2].mean(dtype=np.float64))
+
+
+def _flat(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the voxels most of whose horizontal neighbours are occupied; (X, Y, Z) in and out."""
+    thick = occupied.copy()
+    thick[:, :, 1:] |= occupied[:, :, :-1]
+    thick[:, :, :-1] |= occupied[:, :, 1:]
+    thick = np.pad(thick.view(np.uint8), ((1, 1), (1, 1), (0, 0)))
+    rows = thick[:-2] + thick[1:-1] + thick[2:]
+    beside = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - thick[1:-1, 1:-1]
+    return occupied & (beside >= _FLAT_NEIGHBOURS)

@@ -1,0 +1,89 @@
+"""Point-cloud and pose files: one module per format, dispatched by the file's ending."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.cloud import Cloud, Labels, checked
+
+CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
+PARTIAL = ".part"
+"""Ending of a file that is still being written."""
+
+
+def read_cloud(path: Path) -> Cloud:
+    """Read a point cloud file of any supported format.
+
+    Args:
+        path: A .ply, .las, .laz, .npz or .pcd file.
+
+    Returns:
+        At least one point, with finite coordinates and every attribute of the file.
+
+    Raises:
+        InputError: The file is damaged, empty, of another format, or has NaN coordinates.
+        OSError: The file cannot be opened.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        from mcpseg_cli.formats.ply import read_ply as read
+    elif suffix == ".npz":
+        from mcpseg_cli.formats.npz import read_npz as read
+    elif suffix in (".las", ".laz"):
+        from mcpseg_cli.formats.las import read_las as read
+    elif suffix == ".pcd":
+        from mcpseg_cli.formats.pcd import read_pcd as read
+    else:
+        raise InputError(path, f"a file ending in {suffix or 'nothing'!r}", ", ".join(CLOUD_SUFFIXES), "convert it")
+    return checked(path, read(path))
+
+
+def write_cloud(path: Path, cloud: Cloud) -> None:
+    """Write a point cloud file; it appears under its name only when complete.
+
+    Args:
+        path: A .ply, .las, .laz, .npz or .pcd file; its folder must exist; replaced if there.
+        cloud: The points with every attribute to write.
+
+    Raises:
+        OutputError: The format is not supported or Open3D cannot write it.
+        OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
+    """
+    suffix = path.suffix.lower()
+    partial = path.with_name(f".{path.stem}{PARTIAL}{suffix}")
+    try:
+        if suffix == ".pcd":
+            from mcpseg_cli.formats.pcd import write_pcd
+
+            write_pcd(partial, cloud)
+        elif suffix in CLOUD_SUFFIXES:
+            _write_stream(partial, cloud)
+        else:
+            raise OutputError(f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it")
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def _write_stream(path: Path, cloud: Cloud) -> None:
+    """Write one of the formats that go through a Python file, so that a full disk is an OSError."""
+    suffix = path.suffix.lower()
+    with path.open("wb") as file:
+        if suffix == ".ply":
+            from mcpseg_cli.formats.ply import write_ply
+
+            write_ply(file, cloud)
+        elif suffix == ".npz":
+            from mcpseg_cli.formats.npz import write_npz
+
+            write_npz(file, cloud)
+        else:
+            from mcpseg_cli.formats.las import write_las
+
+            write_las(file, cloud, compress=suffix == ".laz")
+
+
+__all__ = ["CLOUD_SUFFIXES", "Cloud", "Labels", "read_cloud", "write_cloud"]

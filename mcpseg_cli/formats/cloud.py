@@ -1,0 +1,120 @@
+"""A point cloud as a file holds it: every attribute of every point, in file order, with its own type."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import InputError
+
+if TYPE_CHECKING:
+    from laspy import LasHeader
+
+COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Labels of the points of one cloud.
+
+    Attributes:
+        semantic: (N,) uint8 class index, 255 unknown.
+        instance: (N,) int32 object id, 0 none.
+        confidence: (N,) float32 in 0-1.
+        classes: Class names that ``semantic`` indexes.
+    """
+
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    confidence: NDArray[np.float32]
+    classes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """All that a cloud file says about its points.
+
+    Attributes:
+        columns: (N, ...) array by attribute name, file order and file type; always has ``x``, ``y`` and ``z``.
+        classes: Class names its labels index; empty when the file does not say.
+        las_header: Where it came from LAS/LAZ: scales, offsets, reference system; kept for writing.
+    """
+
+    columns: dict[str, NDArray[np.generic]]
+    classes: tuple[str, ...] = ()
+    las_header: LasHeader | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.columns["x"])
+
+    @property
+    def xyz(self) -> NDArray[np.floating]:
+        """(N, 3) coordinates as stored, float32 or float64, a copy."""
+        axes = [self.columns[name] for name in "xyz"]
+        dtype = np.float32 if all(axis.dtype == np.float32 for axis in axes) else np.float64
+        xyz = np.empty((len(self), 3), dtype)
+        for column, axis in enumerate(axes):
+            xyz[:, column] = axis
+        return xyz
+
+    @property
+    def rgb(self) -> NDArray[np.uint8] | None:
+        """(N, 3) uint8 colour, or None; 16-bit and 0-1 colours are scaled to 0-255."""
+        for names in COLOUR_NAMES:
+            if all(name in self.columns for name in names):
+                return _as_uint8(np.stack([self.columns[name] for name in names], axis=1))
+        return None
+
+    def label(self, name: str) -> NDArray[np.generic] | None:
+        """Return the attribute ``semantic``, ``instance`` or ``confidence``, also under CloudCompare's ``scalar_`` name."""
+        for candidate in (name, f"scalar_{name}"):
+            if candidate in self.columns:
+                return self.columns[candidate]
+        return None
+
+    def with_labels(self, labels: Labels) -> Cloud:
+        """Return this cloud with label attributes appended (replaced where it had them); other columns are shared."""
+        columns = {name: column for name, column in self.columns.items() if name not in LABEL_NAMES}
+        columns |= {"semantic": labels.semantic, "instance": labels.instance, "confidence": labels.confidence}
+        return replace(self, columns=columns, classes=labels.classes)
+
+
+LABEL_NAMES = ("semantic", "instance", "confidence")
+
+
+def checked(path: Path, cloud: Cloud) -> Cloud:
+    """Return ``cloud`` if it has points with finite coordinates.
+
+    Raises:
+        InputError: No points, or NaN or infinite coordinates.
+    """
+    if len(cloud) == 0:
+        raise InputError(path, "zero points", "at least one point", "remove the file or record the scan again")
+    finite = np.ones(len(cloud), bool)
+    for axis in "xyz":
+        finite &= np.isfinite(cloud.columns[axis].astype(np.float64, copy=False))
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        raise InputError(
+            path,
+            f"{len(bad):,} of {len(cloud):,} points have NaN or infinite coordinates (first: point {bad[0]:,})",
+            "finite coordinates",
+            "drop these points before segmenting",
+        )
+    return cloud
+
+
+def _as_uint8(colour: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """Scale colours to 0-255: floats up to 1 are fractions, integers above 255 are 16-bit."""
+    if colour.dtype == np.uint8:
+        return colour.astype(np.uint8)
+    values = np.nan_to_num(colour.astype(np.float64))
+    if np.issubdtype(colour.dtype, np.floating) and values.max(initial=0.0) <= 1.0:
+        values = values * 255.0
+    elif np.issubdtype(colour.dtype, np.integer) and values.max(initial=0.0) > 255.0:
+        values = values // 257.0
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)

@@ -1,0 +1,72 @@
+"""NPZ: numpy archives with ``xyz`` (N, 3), ``rgb`` (N, 3) and any further per-point arrays. Never unpickles."""
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.cloud import Cloud
+
+_SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
+_CLASSES = "class_names"
+
+
+def read_npz(path: Path) -> Cloud:
+    """Read a numpy archive: ``xyz`` is required, ``rgb`` and other arrays of N rows are kept.
+
+    Args:
+        path: The file; opened with ``allow_pickle=False``.
+
+    Returns:
+        Its points; ``class_names`` becomes the class table.
+
+    Raises:
+        InputError: Not an archive, pickled objects, no ``xyz``, or arrays of differing lengths.
+    """
+    arrays = _load(path)
+    xyz = arrays.get("xyz")
+    if xyz is None or xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
+        found = f"xyz is {xyz.dtype} {xyz.shape}" if xyz is not None else f"arrays {', '.join(arrays) or '(none)'}"
+        raise InputError(path, found, "an array xyz (N, 3) of numbers", "save it with numpy.savez(path, xyz=…, rgb=…)")
+    classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
+    columns: dict[str, NDArray[np.generic]] = {}
+    for name, array in arrays.items():
+        if array.ndim == 0 or len(array) != len(xyz):
+            raise InputError(
+                path, f"{name} has shape {array.shape}, xyz {xyz.shape}", f"{len(xyz):,} rows in every array", "save it again"
+            )
+        if name in _SPLIT and array.shape == xyz.shape:
+            columns |= {part: array[:, column] for column, part in enumerate(_SPLIT[name])}
+        else:
+            columns[name] = array
+    return Cloud(columns, classes)
+
+
+def write_npz(file: BinaryIO, cloud: Cloud) -> None:
+    """Write a cloud as an uncompressed archive with ``xyz``, ``rgb`` and one array for every other attribute."""
+    columns = dict(cloud.columns)
+    arrays: dict[str, NDArray[np.generic]] = {}
+    for joined, parts in _SPLIT.items():
+        if all(part in columns for part in parts):
+            arrays[joined] = np.stack([columns.pop(part) for part in parts], axis=1)
+    if cloud.classes:
+        arrays[_CLASSES] = np.array(cloud.classes)
+    np.savez(file, **(arrays | columns))  # type: ignore[arg-type]
+
+
+def _load(path: Path) -> dict[str, NDArray[np.generic]]:
+    """Load every array of the archive into memory."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise InputError(path, "a single array", "an NPZ archive", "save it with numpy.savez")
+            return {name: archive[name] for name in archive.files}
+    except (ValueError, KeyError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        cause = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            path, f"an archive that does not load ({cause})", "plain arrays in an undamaged NPZ", "save it again, no objects"
+        ) from error

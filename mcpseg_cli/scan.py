@@ -1,0 +1,49 @@
+"""The record that travels through the pipeline: one registered scan."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One sweep of the sensor with the pose it was taken from.
+
+    Attributes:
+        xyz: (N, 3) float32, metres, map frame.
+        rgb: (N, 3) uint8, or None for a scan without colour.
+        pose: (4, 4) float64, sensor to map; its last column is where the robot stands.
+        name: What the scan is called in messages and reports.
+    """
+
+    xyz: NDArray[np.float32]
+    rgb: NDArray[np.uint8] | None
+    pose: NDArray[np.float64]
+    name: str = "scan"
+
+    def __post_init__(self) -> None:
+        if self.xyz.ndim != 2 or self.xyz.shape[1] != 3 or self.xyz.dtype != np.float32:
+            raise ValueError(f"xyz is {self.xyz.dtype} {self.xyz.shape}, expected float32 (N, 3)")
+        if self.rgb is not None and (self.rgb.shape != self.xyz.shape or self.rgb.dtype != np.uint8):
+            raise ValueError(f"rgb is {self.rgb.dtype} {self.rgb.shape}, expected uint8 {self.xyz.shape}")
+        if self.pose.shape != (4, 4):
+            raise ValueError(f"pose is {self.pose.shape}, expected (4, 4)")
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) float64: the robot's position, metres, map frame."""
+        return self.pose[:3, 3]
+
+
+def to_map_frame(xyz_sensor: NDArray[np.floating], pose: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Move points from the sensor's frame into the map's.
+
+    Args:
+        xyz_sensor: (N, 3), metres, sensor frame.
+        pose: (4, 4) float64, sensor to map.
+
+    Returns:
+        (N, 3) float32, metres, map frame; computed in float64, a new array.
+    """
+    return (xyz_sensor.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)

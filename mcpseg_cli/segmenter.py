@@ -1,0 +1,297 @@
+"""One scan through the whole method (III-E): insert, add context, embed and classify, cluster. Read this first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mcpseg_cli.clustering import Clusters, quantise
+from mcpseg_cli.columns import Column
+from mcpseg_cli.config import Precision, SegmentSettings
+from mcpseg_cli.context import context_input, network_input
+from mcpseg_cli.errors import McpsegError
+from mcpseg_cli.floor import floor_height
+from mcpseg_cli.formats.cloud import Labels
+from mcpseg_cli.scan import Scan
+from mcpseg_cli.voxel_map import VoxelMap
+from mcpseg_cli.weights import Weights, find_weights, load_weights
+
+_GREY = 128  # colour of a scan that has none: the network's colour inputs are then (almost) zero
+_CHUNK_BATCHES = 8  # batches whose context is gathered at a time, which bounds memory
+
+
+@dataclass(frozen=True)
+class MapRows:
+    """What the map knows of a range of voxels, as it was when they were first seen.
+
+    Attributes:
+        xyz: (V, 3) float32, metres, map frame.
+        rgb: (V, 3) uint8.
+        semantic: (V,) uint8 class index.
+        confidence: (V,) float32 in 0-1.
+        instance: (V,) int32 object id given at first; merges came later.
+        embedding: (V, E) int16, see ``clustering.quantise``.
+    """
+
+    xyz: NDArray[np.float32]
+    rgb: NDArray[np.uint8]
+    semantic: NDArray[np.uint8]
+    confidence: NDArray[np.float32]
+    instance: NDArray[np.int32]
+    embedding: NDArray[np.int16]
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+
+@dataclass(frozen=True)
+class ScanUpdate:
+    """What one scan did to the map.
+
+    Attributes:
+        index: Number of the scan, from 0.
+        point_ids: (N,) int32 voxel of every point of the scan, -1 for points out of range.
+        first_new: Id of the first new voxel; they run to the end of the map.
+        num_new: M, how many voxels were seen for the first time.
+        num_seen: How many of the scan's voxels were known before.
+        merges: (P, 2) int32 objects that merged: old id, surviving id.
+        changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
+        floor: Height of the floor used, metres, map frame; None before any scan came in range.
+        ms: Milliseconds by stage.
+    """
+
+    index: int
+    point_ids: NDArray[np.int32]
+    first_new: int
+    num_new: int
+    num_seen: int
+    merges: NDArray[np.int32]
+    changed: NDArray[np.int32]
+    floor: float | None
+    ms: dict[str, float]
+
+
+class IncrementalSegmenter:
+    """A growing labelled map, fed one scan at a time.
+
+    Args:
+        weights: Network and class table.
+        settings: Everything else that decides the labels.
+        precision: Arithmetic of context pooling; ``auto`` is bf16 where the processor computes it natively.
+        device: Where the network runs, as torch names it.
+
+    Raises:
+        McpsegError: The device does not exist here.
+    """
+
+    def __init__(
+        self,
+        weights: Weights,
+        settings: SegmentSettings | None = None,
+        *,
+        precision: Precision = "auto",
+        device: str = "cpu",
+    ) -> None:
+        self.settings = settings or SegmentSettings()
+        self.info = weights.info
+        self.precision = resolve_precision(precision, device)
+        self.map = VoxelMap(self.settings.voxel_size)
+        self.clusters = Clusters(self.settings.similarity)
+        self.num_scans = 0
+        self._semantic = Column(np.uint8)
+        self._confidence = Column(np.float32)
+        self._floor: float | None = None
+        self._device = _torch_device(device)
+        self._network = weights.network.to(self._device)
+        self._network.pool_in(torch.bfloat16 if self.precision == "bf16" else torch.float32)
+
+    @classmethod
+    def load(cls, weights: str = "smoke-test", settings: SegmentSettings | None = None) -> IncrementalSegmenter:
+        """Make a segmenter from a weights file or the name of bundled weights.
+
+        Raises:
+            WeightsError: The weights are not there or damaged.
+        """
+        return cls(load_weights(Path(find_weights(weights))), settings)
+
+    @property
+    def semantic(self) -> NDArray[np.uint8]:
+        """(V,) uint8 class index of every voxel. A view, valid until the next scan."""
+        return self._semantic.rows
+
+    @property
+    def confidence(self) -> NDArray[np.float32]:
+        """(V,) float32 in 0-1: probability of that class. A view, valid until the next scan."""
+        return self._confidence.rows
+
+    def register_scan(self, scan: Scan) -> ScanUpdate:
+        """Label a scan and grow the map by it (III-E). Earlier labels change only where objects merge.
+
+        Args:
+            scan: Points in the map frame; points farther than ``local_range`` from the robot are left for later.
+
+        Returns:
+            What changed. The scan's number, with the seed, decides every random choice.
+        """
+        rng = np.random.default_rng((self.settings.seed, self.num_scans))
+        clock = _Stopwatch()
+        near = _near_robot(scan, self.settings.local_range)
+        first_new = len(self.map)
+        point_ids = np.full(len(scan.xyz), -1, np.int32)
+        point_ids[near] = self.map.insert(scan.xyz[near], _colour(scan, near))
+        new = np.arange(first_new, len(self.map), dtype=np.int32)
+        num_seen = len(np.unique(point_ids[near & (point_ids < first_new)]))
+        clock.lap("insert")
+        if len(near_xyz := scan.xyz[near]):
+            self._floor = self._find_floor(scan, near_xyz)
+        clock.lap("floor")
+        embedding = self._embed_and_classify(new, scan.position, rng)
+        clock.lap("network")
+        merges, changed = self.clusters.add(quantise(embedding), self.map.neighbours(new))
+        clock.lap("cluster")
+        self.num_scans += 1
+        return ScanUpdate(
+            self.num_scans - 1, point_ids, first_new, len(new), num_seen, merges, changed, self._floor, clock.ms
+        )
+
+    def labels(self, point_ids: NDArray[np.int32]) -> Labels:
+        """Look up the labels of points as known now.
+
+        Args:
+            point_ids: (N,) int32 voxel ids, -1 for points without one (they get 255, 0 and 0).
+        """
+        known = point_ids >= 0
+        semantic = np.full(len(point_ids), 255, np.uint8)
+        instance = np.zeros(len(point_ids), np.int32)
+        confidence = np.zeros(len(point_ids), np.float32)
+        ids = point_ids[known]
+        semantic[known], confidence[known] = self.semantic[ids], self.confidence[ids]
+        instance[known] = self.clusters.instance[ids]
+        return Labels(semantic, instance, confidence, self.info.classes)
+
+    def rows(self, start: int = 0) -> MapRows:
+        """Give the map's rows from voxel ``start`` on. Views, valid until the next scan."""
+        return MapRows(
+            self.map.xyz[start:], self.map.rgb[start:], self.semantic[start:], self.confidence[start:],
+            self.clusters.instance[start:], self.clusters.embedding[start:],
+        )  # fmt: skip
+
+    def restore(self, rows: MapRows, merges: NDArray[np.int32], num_scans: int, floor: float | None) -> None:
+        """Put a new segmenter where an earlier one was after ``num_scans`` scans.
+
+        Args:
+            rows: Every voxel as first seen, in id order.
+            merges: (P, 2) int32 all merges so far, in order.
+            num_scans: Scans consumed.
+            floor: Floor height of the last scan, metres, map frame.
+
+        Raises:
+            ValueError: The rows are not a map's.
+        """
+        self.map.restore(rows.xyz, rows.rgb)
+        self._semantic.append(rows.semantic)
+        self._confidence.append(rows.confidence)
+        self.clusters.restore(rows.embedding, rows.instance, merges)
+        self.num_scans, self._floor = num_scans, floor
+
+    def _find_floor(self, scan: Scan, near_xyz: NDArray[np.float32]) -> float:
+        """Apply the floor setting; where the map shows no floor, the last one holds, or else the scan's lowest point."""
+        rule = self.settings.floor
+        if isinstance(rule, float):
+            return rule
+        found = floor_height(self.map, scan.position) if rule == "map" else None
+        if found is None and rule == "map":
+            found = self._floor
+        return float(near_xyz[:, 2].min()) if found is None else found
+
+    def _embed_and_classify(
+        self, new: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
+    ) -> NDArray[np.float32]:
+        """Run the network over new voxels in shuffled batches; keep their classes, return (M, E) embeddings."""
+        embedding = np.empty((len(new), self._network.embed.out_features), np.float32)
+        semantic, confidence = np.empty(len(new), np.uint8), np.empty(len(new), np.float32)
+        order = rng.permutation(len(new))
+        chunk = _CHUNK_BATCHES * self.settings.batch_size
+        starts = range(0, max(len(new) - chunk, 0) + 1, chunk) if len(new) else ()
+        for start in starts:
+            rows = order[start:] if start == starts[-1] else order[start : start + chunk]
+            unit, logits = self._run_batches(new[rows], position, rng)
+            probability, best = torch.softmax(logits, dim=1).max(dim=1)
+            embedding[rows] = unit.cpu().numpy()
+            semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
+        self._semantic.append(semantic)
+        self._confidence.append(confidence)
+        return embedding
+
+    @torch.inference_mode()
+    def _run_batches(
+        self, ids: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Label voxels in batches of N, the last one filled up by sampling with replacement (III-B)."""
+        xyz, rgb = self.map.xyz, self.map.rgb
+        centre = torch.from_numpy(network_input(xyz[ids], rgb[ids], position, self._floor or 0.0)).to(self._device)
+        pooled = None
+        if self._network.has_context:
+            sample = self.map.sample_context(ids, self.info.context_window, self.info.num_context, rng)
+            pooled = self._network.pool_context(context_input(ids, sample, xyz, rgb).to(self._device))
+        size = self.settings.batch_size
+        filler = torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))
+        rows = torch.cat([torch.arange(len(ids)), filler]).to(self._device)
+        outputs = [
+            self._network.label(centre[batch], None if pooled is None else pooled[batch]) for batch in rows.split(size)
+        ]
+        unit, logits = (torch.cat(parts)[: len(ids)] for parts in zip(*outputs, strict=True))
+        return unit, logits
+
+
+class _Stopwatch:
+    """Milliseconds between laps, by name."""
+
+    def __init__(self) -> None:
+        self.ms: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = perf_counter()
+        self.ms[name] = 1e3 * (now - self._last)
+        self._last = now
+
+
+def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
+    """Replace ``auto`` by what this machine does best: bf16 where it is native, else fp32."""
+    if precision != "auto":
+        return precision
+    return "bf16" if device == "cpu" and _cpu_has_bf16() else "fp32"
+
+
+def _cpu_has_bf16() -> bool:
+    """Tell whether the processor multiplies bfloat16 natively (AMX or AVX512-BF16), as Linux reports it."""
+    try:
+        flags = Path("/proc/cpuinfo").read_text().split()
+    except OSError:
+        return False
+    return "avx512_bf16" in flags or "amx_bf16" in flags
+
+
+def _torch_device(name: str) -> torch.device:
+    try:
+        return torch.empty(0, device=name).device
+    except (RuntimeError, AssertionError) as error:
+        raise McpsegError(f"--device {name}: not available here; expected cpu or a device torch knows; use cpu") from error
+
+
+def _near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:
+    """Mark the points within range of the robot, horizontally (III-B)."""
+    offset = scan.xyz[:, :2] - scan.position[:2].astype(np.float32)
+    return np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
+
+
+def _colour(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    if scan.rgb is None:
+        return np.full((int(near.sum()), 3), _GREY, np.uint8)
+    return scan.rgb[near]

@@ -1,0 +1,287 @@
+"""The global look-up table (III-B): 0.1 m voxels, one point each, found by a hash of blocks of 4 x 4 x 4 voxels.
+
+Looking up a window of voxels costs a few hash probes for its blocks and then plain array reads, so nothing here depends
+on how large the map is. Blocks after Niessner et al., Real-time 3D Reconstruction at Scale using Voxel Hashing, 2013.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mcpseg_cli.columns import Column
+from mcpseg_cli.config import ContextWindow
+from mcpseg_cli.grid import voxel_of
+
+_EMPTY = -1
+_BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
+_FIRST_BLOCKS = 1 << 10
+_CELLS_REACH = 3  # cells from a point to its context points (III-B)
+_NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
+NUM_NEIGHBOURS = 26
+
+
+class VoxelMap:
+    """One point per voxel, in the order first seen; the row of a voxel is its id.
+
+    Args:
+        voxel_size: Edge of a voxel, metres.
+    """
+
+    def __init__(self, voxel_size: float) -> None:
+        self.voxel_size = voxel_size
+        self._xyz = Column(np.float32, 3)
+        self._rgb = Column(np.uint8, 3)
+        self._block_ids = np.full((_FIRST_BLOCKS, 64), _EMPTY, np.int32)
+        self._num_blocks = 0
+        self._keys = np.full(4 * _FIRST_BLOCKS, _EMPTY, np.int64)
+        self._slots = np.empty(4 * _FIRST_BLOCKS, np.int32)
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    @property
+    def xyz(self) -> NDArray[np.float32]:
+        """(V, 3) float32, metres, map frame: each voxel's first point. A view, valid until the next insert."""
+        return self._xyz.rows
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """(V, 3) uint8 colour of each voxel's first point. A view, valid until the next insert."""
+        return self._rgb.rows
+
+    def insert(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> NDArray[np.int32]:
+        """Add the first point of every voxel not seen before (III-B).
+
+        Args:
+            xyz: (N, 3) float32, metres, map frame.
+            rgb: (N, 3) uint8.
+
+        Returns:
+            (N,) int32: the id of the voxel each point falls into. New voxels have the ids from the old length on, in
+            the order their first points come.
+        """
+        voxel = voxel_of(xyz, self.voxel_size)
+        ids = np.empty(len(xyz), np.int32)
+        first_point = np.empty(len(xyz), np.int64)
+        count = start = len(self)
+        done = 0
+        while done < len(xyz):
+            done, count, self._num_blocks = _insert_points(
+                voxel, done, count, start, self._num_blocks, self._keys, self._slots, self._block_ids, ids, first_point
+            )
+            if done < len(xyz):
+                self._grow()
+        chosen = first_point[: count - start]
+        self._xyz.append(xyz[chosen])
+        self._rgb.append(rgb[chosen])
+        return ids
+
+    def find(self, xyz: NDArray[np.float32]) -> NDArray[np.int32]:
+        """Return the id of the voxel each point falls into, -1 where the map has none.
+
+        Args:
+            xyz: (N, 3) float32, metres, map frame.
+
+        Returns:
+            (N,) int32.
+        """
+        return _find_voxels(voxel_of(xyz, self.voxel_size), self._keys, self._slots, self._block_ids)
+
+    def neighbours(self, ids: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Find the voxels at most one cell away (III-C).
+
+        Args:
+            ids: (M,) int32 voxel ids.
+
+        Returns:
+            (M, 26) int32 ids in a fixed order of directions, -1 where there is no voxel.
+        """
+        voxel = voxel_of(self.xyz[ids], self.voxel_size)
+        low = voxel - np.int32(_NEIGHBOUR_REACH)
+        cubes = _gather_cubes(low, 2 * _NEIGHBOUR_REACH + 1, self._keys, self._slots, self._block_ids)
+        return np.delete(cubes, NUM_NEIGHBOURS // 2, axis=1)
+
+    def sample_context(
+        self, ids: NDArray[np.int32], window: ContextWindow, num_context: int, rng: np.random.Generator
+    ) -> NDArray[np.int32]:
+        """Sample context points for each voxel from this and all earlier scans (III-B).
+
+        Args:
+            ids: (M,) int32 voxel ids.
+            window: Which voxels are candidates; a voxel always is its own.
+            num_context: K, how many to sample: without replacement, unless there are fewer candidates.
+            rng: Source of M x K uniform numbers.
+
+        Returns:
+            (M, K) int32 voxel ids.
+        """
+        low, width = context_window(voxel_of(self.xyz[ids], self.voxel_size), window)
+        uniform = rng.random((len(ids), num_context), np.float32)
+        return _sample_windows(low, width, uniform, self._keys, self._slots, self._block_ids)
+
+    def occupancy(self, low: NDArray[np.int32], shape: tuple[int, int, int]) -> NDArray[np.int32]:
+        """Copy a box of the map into a dense grid.
+
+        Args:
+            low: (3,) int32 lowest voxel of the box.
+            shape: Voxels along x, y and z.
+
+        Returns:
+            ``shape`` int32 voxel ids, -1 where there is no voxel.
+        """
+        return _gather_box(low, np.array(shape, np.int32), self._keys, self._slots, self._block_ids)
+
+    def restore(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> None:
+        """Fill an empty map with voxels in id order, as ``xyz`` and ``rgb`` gave them.
+
+        Raises:
+            ValueError: Two of the points share a voxel: they are not a map's.
+        """
+        self.insert(xyz, rgb)
+        if len(self) != len(xyz):
+            raise ValueError("two points in one voxel")
+
+    def _grow(self) -> None:
+        """Double the room for blocks."""
+        self._block_ids = np.concatenate([self._block_ids, np.full_like(self._block_ids, _EMPTY)])
+        keys = np.full(2 * len(self._keys), _EMPTY, np.int64)
+        slots = np.empty(2 * len(self._slots), np.int32)
+        _rehash(self._keys, self._slots, keys, slots)
+        self._keys, self._slots = keys, slots
+
+
+def context_window(voxel: NDArray[np.int32], window: ContextWindow) -> tuple[NDArray[np.int32], int]:
+    """Give the box of voxels that context points may come from.
+
+    Args:
+        voxel: (M, 3) int32.
+        window: ``cells`` or ``coarse``.
+
+    Returns:
+        (M, 3) int32 lowest voxel of each box, and its width in voxels. The coarse cells are three voxels wide and the
+        rounding rule makes their borders voxel borders, so that the 27 of them are a box of 9 voxels.
+    """
+    if window == "cells":
+        return voxel - np.int32(_CELLS_REACH), 2 * _CELLS_REACH + 1
+    coarse = np.floor_divide(voxel + 1, 3, dtype=np.int32)
+    return 3 * coarse - np.int32(4), 9
+
+
+@njit(cache=True)
+def _key(bx, by, bz):  # type: ignore[no-untyped-def]
+    """Pack block indices into 63 bits."""
+    bias = np.int64(_BLOCK_BIAS)
+    return ((np.int64(bx) + bias) << 42) | ((np.int64(by) + bias) << 21) | (np.int64(bz) + bias)
+
+
+@njit(cache=True)
+def _probe(keys, key):  # type: ignore[no-untyped-def]
+    """Find the slot that holds ``key``, or the free one where it belongs."""
+    mask = keys.size - 1
+    mixed = key * np.int64(-7046029254386353131)
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while keys[slot] != key and keys[slot] != _EMPTY:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@njit(cache=True)
+def _find_block(bx, by, bz, keys, slots):  # type: ignore[no-untyped-def]
+    key = _key(bx, by, bz)
+    slot = _probe(keys, key)
+    return slots[slot] if keys[slot] == key else np.int32(_EMPTY)
+
+
+@njit(cache=True)
+def _cell(x, y, z):  # type: ignore[no-untyped-def]
+    """Place a voxel within its block: z runs fastest."""
+    return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)
+
+
+@njit(cache=True)
+def _insert_points(voxel, done, count, start, num_blocks, keys, slots, block_ids, ids, first_point):  # type: ignore[no-untyped-def]
+    """Insert voxels from ``done`` on; stops early when the blocks are full."""
+    for i in range(done, voxel.shape[0]):
+        x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
+        key = _key(x >> 2, y >> 2, z >> 2)
+        slot = _probe(keys, key)
+        if keys[slot] == _EMPTY:
+            if num_blocks == block_ids.shape[0]:
+                return i, count, num_blocks
+            keys[slot] = key
+            slots[slot] = num_blocks
+            num_blocks += 1
+        block = slots[slot]
+        cell = _cell(x, y, z)
+        if block_ids[block, cell] == _EMPTY:
+            block_ids[block, cell] = count
+            first_point[count - start] = i
+            count += 1
+        ids[i] = block_ids[block, cell]
+    return voxel.shape[0], count, num_blocks
+
+
+@njit(cache=True)
+def _rehash(old_keys, old_slots, keys, slots):  # type: ignore[no-untyped-def]
+    for i in range(old_keys.size):
+        if old_keys[i] != _EMPTY:
+            slot = _probe(keys, old_keys[i])
+            keys[slot] = old_keys[i]
+            slots[slot] = old_slots[i]
+
+
+@njit(cache=True)
+def _find_voxels(voxel, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+    ids = np.full(voxel.shape[0], _EMPTY, np.int32)
+    for i in range(voxel.shape[0]):
+        x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
+        block = _find_block(x >> 2, y >> 2, z >> 2, keys, slots)
+        if block != _EMPTY:
+            ids[i] = block_ids[block, _cell(x, y, z)]
+    return ids
+
+
+@njit(cache=True)
+def _gather_box(low, shape, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+    """Read a box of voxels block by block; the grid is filled with -1 elsewhere."""
+    grid = np.full((shape[0], shape[1], shape[2]), _EMPTY, np.int32)
+    high = low + shape
+    for bx in range(low[0] >> 2, ((high[0] - 1) >> 2) + 1):
+        for by in range(low[1] >> 2, ((high[1] - 1) >> 2) + 1):
+            for bz in range(low[2] >> 2, ((high[2] - 1) >> 2) + 1):
+                block = _find_block(bx, by, bz, keys, slots)
+                if block == _EMPTY:
+                    continue
+                for x in range(max(low[0], bx << 2), min(high[0], (bx + 1) << 2)):
+                    for y in range(max(low[1], by << 2), min(high[1], (by + 1) << 2)):
+                        for z in range(max(low[2], bz << 2), min(high[2], (bz + 1) << 2)):
+                            grid[x - low[0], y - low[1], z - low[2]] = block_ids[block, _cell(x, y, z)]
+    return grid
+
+
+@njit(cache=True)
+def _gather_cubes(low, width, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+    """Read a cube of ``width`` voxels for each row of ``low``."""
+    shape = np.array([width, width, width], np.int32)
+    cubes = np.empty((low.shape[0], width**3), np.int32)
+    for i in range(low.shape[0]):
+        cubes[i] = _gather_box(low[i], shape, keys, slots, block_ids).ravel()
+    return cubes
+
+
+@njit(cache=True)
+def _sample_windows(low, width, uniform, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+    """Draw ids from each window by a partial Fisher-Yates shuffle, or with replacement where they are too few."""
+    shape = np.array([width, width, width], np.int32)
+    sample = np.empty(uniform.shape, np.int32)
+    for i in range(low.shape[0]):
+        window = _gather_box(low[i], shape, keys, slots, block_ids).ravel()
+        candidates = window[window != _EMPTY]
+        size = candidates.size
+        for k in range(uniform.shape[1]):
+            done = k if size >= uniform.shape[1] else 0
+            pick = done + min(int(uniform[i, k] * (size - done)), size - done - 1)
+            sample[i, k] = candidates[pick]
+            candidates[pick] = candidates[done]
+            candidates[done] = sample[i, k]
+    return sample
