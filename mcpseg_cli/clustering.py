@@ -28,6 +28,8 @@ class Clusters:
         self._first_member = Column(np.int32)  # by object id, as the next two
         self._last_member = Column(np.int32)
         self._survivor = Column(np.int32)
+        self.num_objects = -1
+        """How many objects there are now."""
         self._add_objects(1)  # object 0: none
 
     @property
@@ -66,30 +68,38 @@ class Clusters:
         self._next_member.append(np.full(len(instance), _NONE, np.int32))
         lists = (self._next_member.rows, self._first_member.rows, self._last_member.rows)
         removed = np.sort(removed[removed < num_known])
+        self.num_objects -= len(removed)
         merges = np.stack([removed, resolve(removed, self._survivor.rows)], axis=1)
         changed = _merge_members(merges, self.instance, *lists)
         _append_members(start, self.instance, *lists)
         return merges, np.sort(changed)
 
-    def restore(
-        self, embedding: NDArray[np.int16], instance: NDArray[np.int32], merges: NDArray[np.int32]
-    ) -> None:
-        """Fill an empty clustering from what was kept of an earlier run.
+    def restore(self, embedding: NDArray[np.int16], instance: NDArray[np.int32]) -> None:
+        """Append voxels kept of an earlier run; ``restore_merges`` must follow the last of them.
 
         Args:
             embedding: (V, E) int16.
             instance: (V,) int32 object ids as each voxel got them at first.
-            merges: (P, 2) int32 all merges since, in order.
         """
         self._embedding.append(embedding)
-        self._add_objects(int(instance.max(initial=0)))
-        self._survivor.rows[merges[:, 0]] = merges[:, 1]
-        self._instance.append(resolve(instance, self._survivor.rows))
+        self._instance.append(instance)
         self._next_member.append(np.full(len(instance), _NONE, np.int32))
+        self._add_objects(max(0, int(instance.max(initial=0)) + 1 - len(self._survivor.rows)))
+
+    def restore_merges(self, merges: NDArray[np.int32]) -> None:
+        """Apply the merges of an earlier run to the restored voxels.
+
+        Args:
+            merges: (P, 2) int32 old id, surviving id: all of them, in order.
+        """
+        self._survivor.rows[merges[:, 0]] = merges[:, 1]
+        self.num_objects -= len(merges)
+        self.instance[:] = resolve(self.instance, self._survivor.rows)
         _append_members(0, self.instance, self._next_member.rows, self._first_member.rows, self._last_member.rows)
 
     def _add_objects(self, count: int) -> None:
         """Give out the next ``count`` object ids."""
+        self.num_objects += count
         known = len(self._survivor.rows)
         self._survivor.append(np.arange(known, known + count, dtype=np.int32))
         for members in (self._first_member, self._last_member):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -18,35 +19,12 @@ from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.floor import floor_height
 from mcpseg_cli.formats.cloud import Labels
 from mcpseg_cli.scan import Scan
+from mcpseg_cli.state import MapRows
 from mcpseg_cli.voxel_map import VoxelMap
 from mcpseg_cli.weights import Weights, find_weights, load_weights
 
 _GREY = 128  # colour of a scan that has none: the network's colour inputs are then (almost) zero
 _CHUNK_BATCHES = 8  # batches whose context is gathered at a time, which bounds memory
-
-
-@dataclass(frozen=True)
-class MapRows:
-    """What the map knows of a range of voxels, as it was when they were first seen.
-
-    Attributes:
-        xyz: (V, 3) float32, metres, map frame.
-        rgb: (V, 3) uint8.
-        semantic: (V,) uint8 class index.
-        confidence: (V,) float32 in 0-1.
-        instance: (V,) int32 object id given at first; merges came later.
-        embedding: (V, E) int16, see ``clustering.quantise``.
-    """
-
-    xyz: NDArray[np.float32]
-    rgb: NDArray[np.uint8]
-    semantic: NDArray[np.uint8]
-    confidence: NDArray[np.float32]
-    instance: NDArray[np.int32]
-    embedding: NDArray[np.int16]
-
-    def __len__(self) -> int:
-        return len(self.xyz)
 
 
 @dataclass(frozen=True)
@@ -99,6 +77,7 @@ class IncrementalSegmenter:
     ) -> None:
         self.settings = settings or SegmentSettings()
         self.info = weights.info
+        self.device = device
         self.precision = resolve_precision(precision, device)
         self.map = VoxelMap(self.settings.voxel_size)
         self.clusters = Clusters(self.settings.similarity)
@@ -159,6 +138,13 @@ class IncrementalSegmenter:
             self.num_scans - 1, point_ids, first_new, len(new), num_seen, merges, changed, self._floor, clock.ms
         )
 
+    def find_points(self, scan: Scan) -> NDArray[np.int32]:
+        """Return (N,) int32: the voxel of every point of a scan registered before, -1 for points out of range."""
+        near = _near_robot(scan, self.settings.local_range)
+        point_ids = np.full(len(scan.xyz), -1, np.int32)
+        point_ids[near] = self.map.find(scan.xyz[near])
+        return point_ids
+
     def labels(self, point_ids: NDArray[np.int32]) -> Labels:
         """Look up the labels of points as known now.
 
@@ -181,11 +167,13 @@ class IncrementalSegmenter:
             self.clusters.instance[start:], self.clusters.embedding[start:],
         )  # fmt: skip
 
-    def restore(self, rows: MapRows, merges: NDArray[np.int32], num_scans: int, floor: float | None) -> None:
+    def restore(
+        self, parts: Iterable[MapRows], merges: NDArray[np.int32], num_scans: int, floor: float | None
+    ) -> None:
         """Put a new segmenter where an earlier one was after ``num_scans`` scans.
 
         Args:
-            rows: Every voxel as first seen, in id order.
+            parts: Every voxel as first seen, in id order, in pieces of any size.
             merges: (P, 2) int32 all merges so far, in order.
             num_scans: Scans consumed.
             floor: Floor height of the last scan, metres, map frame.
@@ -193,10 +181,12 @@ class IncrementalSegmenter:
         Raises:
             ValueError: The rows are not a map's.
         """
-        self.map.restore(rows.xyz, rows.rgb)
-        self._semantic.append(rows.semantic)
-        self._confidence.append(rows.confidence)
-        self.clusters.restore(rows.embedding, rows.instance, merges)
+        for part in parts:
+            self.map.restore(part.xyz, part.rgb)
+            self._semantic.append(part.semantic)
+            self._confidence.append(part.confidence)
+            self.clusters.restore(part.embedding, part.instance)
+        self.clusters.restore_merges(merges)
         self.num_scans, self._floor = num_scans, floor
 
     def _find_floor(self, scan: Scan, near_xyz: NDArray[np.float32]) -> float:

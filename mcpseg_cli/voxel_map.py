@@ -132,13 +132,14 @@ class VoxelMap:
         return _gather_box(low, np.array(shape, np.int32), self._keys, self._slots, self._block_ids)
 
     def restore(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> None:
-        """Fill an empty map with voxels in id order, as ``xyz`` and ``rgb`` gave them.
+        """Append voxels of an earlier map, in id order, as ``xyz`` and ``rgb`` gave them.
 
         Raises:
-            ValueError: Two of the points share a voxel: they are not a map's.
+            ValueError: A voxel is there twice: the points are not a map's.
         """
+        expected = len(self) + len(xyz)
         self.insert(xyz, rgb)
-        if len(self) != len(xyz):
+        if len(self) != expected:
             raise ValueError("two points in one voxel")
 
     def _grow(self) -> None:

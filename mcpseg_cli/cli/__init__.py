@@ -1,0 +1,46 @@
+"""The ``mcpseg`` command. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
+
+import typer
+
+from mcpseg_cli.cli.boundary import OneLineErrors
+from mcpseg_cli.cli.evaluate import evaluate
+from mcpseg_cli.cli.import_weights import import_weights
+from mcpseg_cli.cli.segment import segment
+
+app = typer.Typer(
+    name="mcpseg",
+    cls=OneLineErrors,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        from mcpseg_cli import __version__
+
+        typer.echo(f"mcpseg {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def top(
+    version: bool = typer.Option(False, "--version", callback=_show_version, is_eager=True, help="Show the version."),
+) -> None:
+    """Label 3D point clouds while the robot is still scanning.
+
+    Exit status: 0 done, 1 expected failure (one line says which), 2 wrong usage, 130 interrupted.
+    """
+
+
+app.command("segment")(segment)
+app.command("eval")(evaluate)
+app.command("import-weights")(import_weights)
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

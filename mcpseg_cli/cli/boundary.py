@@ -1,0 +1,36 @@
+"""The one place where expected failures become a line on stderr and exit 1."""
+
+import os
+import sys
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from mcpseg_cli.errors import McpsegError
+
+
+class OneLineErrors(TyperGroup):
+    """A command group that reports expected failures in one line, without a traceback."""
+
+    def invoke(self, ctx: typer.Context) -> Any:
+        """Run the chosen command; McpsegError and OSError end it with exit 1, an interrupt with 130."""
+        try:
+            return super().invoke(ctx)
+        except McpsegError as error:
+            _fail(str(error), 1, error)
+        except BrokenPipeError:  # the reader of our stdout has gone
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(1) from None
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename else ""
+            _fail(f"{place}{error.strerror or error}; finished scans are kept; mend this and run the command again", 1, error)
+        except MemoryError as error:
+            _fail("out of memory; expected smaller scans or a smaller range; finished scans are kept", 1, error)
+        except KeyboardInterrupt as error:
+            _fail("interrupted; finished scans are kept; run the same command again to continue", 130, error)
+
+
+def _fail(line: str, code: int, cause: BaseException) -> None:
+    typer.echo(f"mcpseg: {' '.join(line.split())}", err=True)
+    raise typer.Exit(code) from cause

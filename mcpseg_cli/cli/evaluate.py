@@ -1,0 +1,33 @@
+"""``mcpseg eval``: score a labelled map against ground truth."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcpseg_cli.cli.options import Json
+
+
+def evaluate(
+    output: Annotated[Path, typer.Argument(help="Folder that 'mcpseg segment' wrote, or one labelled cloud.")],
+    truth: Annotated[Path, typer.Argument(help="Folder of labelled clouds, or one labelled cloud.")],
+    as_json: Json = False,
+) -> None:
+    """Score a labelled map against ground truth, per point of the map.
+
+    Examples:
+
+      mcpseg eval out/ gt/
+
+      mcpseg eval out/ gt/ --json | jq .point_accuracy
+    """
+    import json
+
+    from mcpseg_cli.cli.display import print_table
+    from mcpseg_cli.evaluation import evaluate_run
+
+    scores = evaluate_run(output, truth)
+    if as_json:
+        typer.echo(json.dumps(scores.document()))
+    else:
+        print_table(scores.table())

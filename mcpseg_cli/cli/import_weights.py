@@ -1,0 +1,32 @@
+"""``mcpseg import-weights``: the MCPNet authors' TensorFlow weights as safetensors."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mcpseg_cli.cli.options import OutputFile, Overwrite
+
+
+def import_weights(
+    checkpoint: Annotated[Path, typer.Argument(help="TensorFlow checkpoint, e.g. mcpnet_model_s3dis_5.ckpt.")],
+    output: OutputFile,
+    overwrite: Overwrite = False,
+) -> None:
+    """Convert the MCPNet authors' TensorFlow checkpoint into weights; TensorFlow is not needed.
+
+    Example:
+
+      mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors
+    """
+    from mcpseg_cli.errors import OutputError
+    from mcpseg_cli.tensor_bundle import import_checkpoint
+    from mcpseg_cli.weights import save_weights
+
+    if output.suffix != ".safetensors":
+        raise typer.BadParameter(f"{output}: weights files end in .safetensors")
+    if output.exists() and not overwrite:
+        raise OutputError(f"{output}: exists; expected a new file; choose another -o or give --overwrite")
+    network, info = import_checkpoint(checkpoint)
+    save_weights(output, network, info)
+    typer.echo(f"{output}: {info.architecture}, {len(info.classes)} classes, {info.context_window} context")

@@ -1,0 +1,50 @@
+"""Options that mean the same, under the same name and letter, in every command."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class FrameChoice(StrEnum):
+    """Frame of the scans' coordinates."""
+
+    MAP = "map"
+    SENSOR = "sensor"
+
+
+class PrecisionChoice(StrEnum):
+    """Arithmetic of context pooling."""
+
+    AUTO = "auto"
+    FP32 = "fp32"
+    BF16 = "bf16"
+
+
+class FormatChoice(StrEnum):
+    """Formats clouds are written in."""
+
+    PLY = "ply"
+    LAS = "las"
+    LAZ = "laz"
+    NPZ = "npz"
+    PCD = "pcd"
+
+
+class OnErrorChoice(StrEnum):
+    """What to do about a scan that cannot be read."""
+
+    STOP = "stop"
+    SKIP = "skip"
+
+
+OutputFolder = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")]
+OutputFile = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
+WeightsName = Annotated[str, typer.Option("-w", "--weights", help="A .safetensors file, or the name of bundled weights.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random choice.")]
+Device = Annotated[str, typer.Option("--device", help="Where the network runs: cpu, cuda, …")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no notices.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]

@@ -1,0 +1,166 @@
+"""Score a labelled map against ground truth: pair the points, then count."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from mcpseg_cli.classes import UNKNOWN, remap_table
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import Cloud, read_cloud
+from mcpseg_cli.metrics import (
+    adjusted_rand_index,
+    class_accuracy,
+    confusion_matrix,
+    contingency,
+    information_scores,
+    intersection_over_union,
+)
+from mcpseg_cli.recording import list_clouds
+
+_DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well a map agrees with ground truth; every figure is over points of the map (one a voxel).
+
+    Attributes:
+        points: Points of the map.
+        covered: Points with ground truth within half a voxel; only these are scored.
+        labelled: Covered points whose true class is known; classes are scored on these.
+        in_objects: Covered points of a true object (id above 0); clusters are scored on these.
+        classes: Class table.
+        confusion: (C, C + 1) int64, see ``metrics.confusion_matrix``.
+        nmi: Normalised mutual information of objects, arithmetic mean.
+        ari: Adjusted Rand index of objects.
+        homogeneity: Of objects.
+        completeness: Of objects.
+        objects_true: True objects that have scored points.
+        objects_pred: Predicted objects that have scored points.
+    """
+
+    points: int
+    covered: int
+    labelled: int
+    in_objects: int
+    classes: tuple[str, ...]
+    confusion: NDArray[np.int64]
+    nmi: float
+    ari: float
+    homogeneity: float
+    completeness: float
+    objects_true: int
+    objects_pred: int
+
+    def document(self) -> dict[str, object]:
+        """Give every figure under the name the field uses; classes without a point count IoU 0 in ``miou``."""
+        iou = intersection_over_union(self.confusion)
+        present = self.confusion.sum(axis=1) > 0
+        return {
+            "unit": "voxel",
+            "points": self.points,
+            "covered": self.covered,
+            "labelled": self.labelled,
+            "in_objects": self.in_objects,
+            "point_accuracy": float(np.trace(self.confusion) / max(self.confusion.sum(), 1)),
+            "mean_class_accuracy": float(np.nanmean(class_accuracy(self.confusion))) if present.any() else 0.0,
+            "miou": float(np.nan_to_num(iou).mean()),
+            "miou_present": float(np.nan_to_num(iou)[present].mean()) if present.any() else 0.0,
+            "iou": {name: None if np.isnan(value) else float(value) for name, value in zip(self.classes, iou, strict=True)},
+            "nmi": self.nmi,
+            "ari": self.ari,
+            "homogeneity": self.homogeneity,
+            "completeness": self.completeness,
+            "objects_true": self.objects_true,
+            "objects_pred": self.objects_pred,
+        }
+
+    def table(self) -> list[tuple[str, str]]:
+        """Give the same for reading."""
+        rows = []
+        for name, value in self.document().items():
+            if isinstance(value, dict):
+                rows += [(f"iou {label}", "-" if part is None else f"{part:.3f}") for label, part in value.items()]
+            else:
+                rows.append((name, f"{value:.3f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)))
+        return rows
+
+
+def evaluate_run(output: Path, truth: Path) -> Scores:
+    """Score a run of ``mcpseg segment``, or one labelled cloud.
+
+    Args:
+        output: The run's folder (its map.ply is scored), or a labelled cloud.
+        truth: Folder of labelled clouds, or one labelled cloud, with ``semantic`` and ``instance``.
+
+    Returns:
+        The scores. Each map point is compared with the nearest true point within half a voxel.
+
+    Raises:
+        InputError: A cloud has no labels, or no point of the map has ground truth nearby.
+    """
+    predicted = read_cloud(output / "map.ply" if output.is_dir() else output)
+    clouds = [read_cloud(path) for path in (list_clouds(truth) if truth.is_dir() else [truth])]
+    true_semantic = np.concatenate([_label(cloud, "semantic", truth) for cloud in clouds])
+    true_instance = np.concatenate([_label(cloud, "instance", truth) for cloud in clouds])
+    true_xyz = np.concatenate([cloud.xyz for cloud in clouds])
+    distance, nearest = KDTree(true_xyz).query(predicted.xyz, distance_upper_bound=_voxel_size(output) / 2 + 1e-6)
+    covered = np.isfinite(distance)
+    if not covered.any():
+        raise InputError(output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths")
+    classes = predicted.classes or _class_names(predicted, true_semantic)
+    truth_classes = next((cloud.classes for cloud in clouds if cloud.classes), classes)
+    pairs = nearest[covered]
+    semantic = remap_table(truth_classes, classes)[true_semantic[pairs]]
+    known = semantic != UNKNOWN
+    predicted_semantic = _label(predicted, "semantic", output)[covered]
+    in_object = true_instance[pairs] > 0
+    table = contingency(
+        true_instance[pairs][in_object], _label(predicted, "instance", output)[covered][in_object]
+    )
+    nmi, homogeneity, completeness = information_scores(table) if in_object.any() else (0.0, 0.0, 0.0)
+    return Scores(
+        points=len(predicted),
+        covered=int(covered.sum()),
+        labelled=int(known.sum()),
+        in_objects=int(in_object.sum()),
+        classes=classes,
+        confusion=confusion_matrix(semantic[known], predicted_semantic[known], len(classes)),
+        nmi=nmi,
+        ari=adjusted_rand_index(table) if in_object.any() else 0.0,
+        homogeneity=homogeneity,
+        completeness=completeness,
+        objects_true=table.shape[0] if in_object.any() else 0,
+        objects_pred=table.shape[1] if in_object.any() else 0,
+    )
+
+
+def _label(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
+    """Take a label column as integers."""
+    column = cloud.label(name)
+    if column is None:
+        raise InputError(source, f"points without {name}", "labelled clouds with semantic and instance", "check the path")
+    return column.astype(np.int64)
+
+
+def _class_names(predicted: Cloud, true_semantic: NDArray[np.int64]) -> tuple[str, ...]:
+    """Number the classes of clouds that name none."""
+    labels = np.concatenate([_label(predicted, "semantic", Path("map")), true_semantic])
+    return tuple(f"class_{index}" for index in range(int(labels[labels < UNKNOWN].max(initial=0)) + 1))
+
+
+def _voxel_size(output: Path) -> float:
+    """Read the voxel size of a run."""
+    path = output / "run.json"
+    if not path.is_file():
+        return _DEFAULT_VOXEL
+    try:
+        return float(json.loads(path.read_text())["configuration"]["voxel_size"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again") from error
