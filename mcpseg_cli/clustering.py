@@ -115,7 +115,8 @@ def quantise(embedding: NDArray[np.float32]) -> NDArray[np.int16]:
     Returns:
         (M, E) int16.
     """
-    return np.rint(embedding * np.float32(_SCALE)).astype(np.int16)
+    steps: NDArray[np.float32] = np.rint(embedding * np.float32(_SCALE))
+    return steps.astype(np.int16)
 
 
 @njit(cache=True)
@@ -160,7 +161,11 @@ def _connect(neighbours, start, embedding, threshold, instance, num_known, paren
     for i in range(neighbours.shape[0]):
         node = _NONE
         for other in neighbours[i]:
-            if other == _NONE or other >= start + i or not _is_similar(embedding[start + i], embedding[other], threshold):
+            if (
+                other == _NONE
+                or other >= start + i
+                or not _is_similar(embedding[start + i], embedding[other], threshold)
+            ):
                 continue
             found = _root(parent, instance[other] if other < start else joined[other - start])
             if node != _NONE and node != found:  # connections to several clusters: merge

@@ -10,8 +10,8 @@ HIDDEN = 200  # features of the intermediate layers (III-B)
 EMBEDDING = 50  # dimensions of the instance embedding (III-C)
 
 ContextWindow = Literal["cells", "coarse"]
-"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels'
-width around the point, as the authors' program does. Weights carry which of the two they were trained with."""
+"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
+a side around the point, as in the authors' program. Weights carry which of the two they were trained with."""
 
 Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]

@@ -72,7 +72,9 @@ class Scores:
             "mean_class_accuracy": float(np.nanmean(class_accuracy(self.confusion))) if present.any() else 0.0,
             "miou": float(np.nan_to_num(iou).mean()),
             "miou_present": float(np.nan_to_num(iou)[present].mean()) if present.any() else 0.0,
-            "iou": {name: None if np.isnan(value) else float(value) for name, value in zip(self.classes, iou, strict=True)},
+            "iou": {
+                name: None if np.isnan(value) else float(value) for name, value in zip(self.classes, iou, strict=True)
+            },
             "nmi": self.nmi,
             "ari": self.ari,
             "homogeneity": self.homogeneity,
@@ -88,7 +90,16 @@ class Scores:
             if isinstance(value, dict):
                 rows += [(f"iou {label}", "-" if part is None else f"{part:.3f}") for label, part in value.items()]
             else:
-                rows.append((name, f"{value:.3f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)))
+                rows.append(
+                    (
+                        name,
+                        f"{value:.3f}"
+                        if isinstance(value, float)
+                        else f"{value:,}"
+                        if isinstance(value, int)
+                        else str(value),
+                    )
+                )
         return rows
 
 
@@ -113,7 +124,9 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     distance, nearest = KDTree(true_xyz).query(predicted.xyz, distance_upper_bound=_voxel_size(output) / 2 + 1e-6)
     covered = np.isfinite(distance)
     if not covered.any():
-        raise InputError(output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths")
+        raise InputError(
+            output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths"
+        )
     classes = predicted.classes or _class_names(predicted, true_semantic)
     truth_classes = next((cloud.classes for cloud in clouds if cloud.classes), classes)
     pairs = nearest[covered]
@@ -121,9 +134,7 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     known = semantic != UNKNOWN
     predicted_semantic = _label(predicted, "semantic", output)[covered]
     in_object = true_instance[pairs] > 0
-    table = contingency(
-        true_instance[pairs][in_object], _label(predicted, "instance", output)[covered][in_object]
-    )
+    table = contingency(true_instance[pairs][in_object], _label(predicted, "instance", output)[covered][in_object])
     nmi, homogeneity, completeness = information_scores(table) if in_object.any() else (0.0, 0.0, 0.0)
     return Scores(
         points=len(predicted),
@@ -145,7 +156,9 @@ def _label(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
     """Take a label column as integers."""
     column = cloud.label(name)
     if column is None:
-        raise InputError(source, f"points without {name}", "labelled clouds with semantic and instance", "check the path")
+        raise InputError(
+            source, f"points without {name}", "labelled clouds with semantic and instance", "check the path"
+        )
     return column.astype(np.int64)
 
 

@@ -49,5 +49,5 @@ def _flat(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     thick[:, :, :-1] |= occupied[:, :, 1:]
     thick = np.pad(thick.view(np.uint8), ((1, 1), (1, 1), (0, 0)))
     rows = thick[:-2] + thick[1:-1] + thick[2:]
-    beside = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - thick[1:-1, 1:-1]
+    beside: NDArray[np.uint8] = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - thick[1:-1, 1:-1]
     return occupied & (beside >= _FLAT_NEIGHBOURS)

@@ -1,4 +1,4 @@
-"""map.ply, kept current in place: new vertices are appended, changed ones patched, the count in the header comes last."""
+"""map.ply, kept current in place: new vertices appended, changed ones patched, the count in the header last."""
 
 from __future__ import annotations
 
@@ -93,8 +93,15 @@ class LabelledMap:
     def _header(self, count: int) -> bytes:
         """Give the header, of the same length for any count: a comment takes up the slack."""
         digits = str(count)
-        lines = ("ply", "format binary_little_endian 1.0", f"comment mcpseg classes {','.join(self._classes)}")
-        lines += (f"comment {'.' * (_COUNT_DIGITS - len(digits))}", f"element vertex {digits}", *_PROPERTIES, "end_header")
+        lines = (
+            "ply",
+            "format binary_little_endian 1.0",
+            f"comment mcpseg classes {','.join(self._classes)}",
+            f"comment {'.' * (_COUNT_DIGITS - len(digits))}",
+            f"element vertex {digits}",
+            *_PROPERTIES,
+            "end_header",
+        )
         return ("\n".join(lines) + "\n").encode()
 
     def _write(self, offset: int, data: bytes) -> None:

@@ -27,14 +27,16 @@ def intersection_over_union(confusion: NDArray[np.int64]) -> NDArray[np.float64]
     """Return (C,) TP / (TP + FP + FN) by class; NaN for classes neither true nor predicted anywhere."""
     hits = np.diagonal(confusion).astype(np.float64)
     union = confusion.sum(axis=1) + confusion[:, : len(hits)].sum(axis=0) - hits
-    return np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
+    iou: NDArray[np.float64] = np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
+    return iou
 
 
 def class_accuracy(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return (C,) recall by class; NaN for classes with no true point."""
     total = confusion.sum(axis=1)
     hits = np.diagonal(confusion).astype(np.float64)
-    return np.divide(hits, total, out=np.full(len(hits), np.nan), where=total > 0)
+    recall: NDArray[np.float64] = np.divide(hits, total, out=np.full(len(hits), np.nan), where=total > 0)
+    return recall
 
 
 def contingency(labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]) -> sparse.csr_matrix:

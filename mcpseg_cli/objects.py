@@ -69,19 +69,22 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     return [
         MapObject(
             int(ids[i]), classes[voted[i]], round(float(confidence[i]), 4), int(counts[i]), _rounded(centroid[i]),
-            _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]), _rounded([*size[i], height[1, i]]),
-            float(yaw_deg[i]),
+            _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
+            _rounded([*size[i], height[1, i]]), float(yaw_deg[i]),
         )
         for i in range(len(ids))
     ]  # fmt: skip
 
 
-def _vote(semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int, num_classes: int) -> NDArray[np.int64]:
+def _vote(
+    semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int, num_classes: int
+) -> NDArray[np.int64]:
     """Find the most frequent class of each object without a table of objects times classes."""
     pair, votes = np.unique(owner * num_classes + semantic, return_counts=True)
     best = np.lexsort((-pair, votes, pair // num_classes))  # last of each object: most votes, then lowest class
     last = np.flatnonzero(np.diff(pair[best] // num_classes, append=num_objects))
-    return pair[best][last] % num_classes
+    voted: NDArray[np.int64] = pair[best][last] % num_classes
+    return voted
 
 
 def _rounded(values: NDArray[np.float64] | list[float]) -> tuple[float, float, float]:

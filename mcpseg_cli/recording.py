@@ -48,7 +48,10 @@ def list_clouds(directory: Path) -> list[Path]:
     for path in paths:
         if path.stem in seen:
             raise InputError(
-                directory, f"{seen[path.stem].name} and {path.name} have the same scan name", "one file a scan", "rename or remove one"
+                directory,
+                f"{seen[path.stem].name} and {path.name} have the same scan name",
+                "one file a scan",
+                "rename or remove one",
             )
         seen[path.stem] = path
     return paths
@@ -72,7 +75,10 @@ def open_recording(directory: Path, poses_path: Path) -> list[ScanFile]:
     if table.scans is None:
         if len(table) != len(paths):
             raise InputError(
-                poses_path, f"{len(table):,} poses for {len(paths):,} scans in {directory}", "as many", "add a scan column or the missing rows"
+                poses_path,
+                f"{len(table):,} poses for {len(paths):,} scans in {directory}",
+                "as many",
+                "add a scan column or the missing rows",
             )
         return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
     return _pair_by_name(poses_path, paths, table, table.scans)
@@ -84,11 +90,15 @@ def _pair_by_name(poses_path: Path, paths: list[Path], table: PoseTable, scans: 
     for path in paths:
         row = rows.pop(path.name, rows.pop(path.stem, None) if path.name not in rows else None)
         if row is None:
-            raise InputError(poses_path, f"no pose for scan {path.name}", "a row for every scan", "add it or remove the scan")
+            raise InputError(
+                poses_path, f"no pose for scan {path.name}", "a row for every scan", "add it or remove the scan"
+            )
         recording.append(ScanFile(path, table.poses[row]))
     if rows:
         name = next(iter(rows))
-        raise InputError(poses_path, f"a pose for {name}, which is not among the scans", "a scan for every row", "remove the row")
+        raise InputError(
+            poses_path, f"a pose for {name}, which is not among the scans", "a scan for every row", "remove the row"
+        )
     return recording
 
 
@@ -99,7 +109,9 @@ def require_rotations(poses_path: Path, frame: Frame) -> None:
         InputError: ``frame`` is ``sensor`` and the file gives positions only.
     """
     if frame == "sensor" and not read_poses(poses_path).has_rotation:
-        raise InputError(poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map")
+        raise InputError(
+            poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+        )
 
 
 def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -23,7 +22,7 @@ from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.objects import list_objects
 from mcpseg_cli.recording import ScanFile, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
-from mcpseg_cli.state import MapRows, ScanRecord, State
+from mcpseg_cli.state import ScanRecord, State
 from mcpseg_cli.weights import Weights
 
 _OUTPUTS = ("map.ply", "scans", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
@@ -82,7 +81,12 @@ class SegmentRun:
     """
 
     def __init__(
-        self, recording: list[ScanFile], output: Path, weights: Weights, segmenter: IncrementalSegmenter, options: RunOptions
+        self,
+        recording: list[ScanFile],
+        output: Path,
+        weights: Weights,
+        segmenter: IncrementalSegmenter,
+        options: RunOptions,
     ) -> None:
         self.output = output
         self.segmenter = segmenter
@@ -161,7 +165,9 @@ class SegmentRun:
         write_cloud(self._labelled_scan(source.path.name), cloud.with_labels(labels))
         ms = update.ms | {"commit": 1e3 * (committed - before), "write": 1e3 * (perf_counter() - committed)}
         self._append_event(record.event, ms)
-        return ScanReport(record.name, record.num_points, replace(update, ms=ms), None, 1e3 * (perf_counter() - started))
+        return ScanReport(
+            record.name, record.num_points, replace(update, ms=ms), None, 1e3 * (perf_counter() - started)
+        )
 
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
@@ -281,7 +287,7 @@ def _check_folder(output: Path, recording: list[ScanFile]) -> None:
         present = [name for name in _OUTPUTS if (output / name).exists()]
         if present:
             raise OutputError(
-                f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run to continue; "
+                f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
                 "choose another -o or give --overwrite"
             )
 
@@ -307,16 +313,19 @@ def _pending(recording: list[ScanFile], records: list[ScanRecord], state_path: P
     """Check the consumed scans against what was consumed; return the others."""
     if len(recording) < len(records):
         raise StateError(
-            f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; expected all of them; restore the missing scans"
+            f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; expected all of them; "
+            "restore the missing scans"
         )
     for source, record in zip(recording, records, strict=False):
         if source.path.name != record.name:
             raise StateError(
-                f"{source.path}: stands where {record.name} was consumed; expected new scans after the consumed ones; rename it"
+                f"{source.path}: stands where {record.name} was consumed; "
+                "expected new scans after the consumed ones; rename it"
             )
         if record.error is None and not _is_unchanged(source, record):
             raise StateError(
-                f"{source.path}: changed since it was consumed; expected the same file and pose; restore it or start again with --overwrite"
+                f"{source.path}: changed since it was consumed; expected the same file and pose; "
+                "restore it or start again with --overwrite"
             )
     return recording[len(records) :]
 
@@ -361,6 +370,6 @@ def _replace_text(path: Path, text: str) -> None:
     partial = path.with_name(f"{path.name}{PARTIAL}")
     try:
         partial.write_text(text)
-        os.replace(partial, path)
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.clustering import Clusters, quantise
 from mcpseg_cli.columns import Column
-from mcpseg_cli.config import Precision, SegmentSettings
+from mcpseg_cli.config import EMBEDDING, Precision, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.floor import floor_height
@@ -167,9 +167,7 @@ class IncrementalSegmenter:
             self.clusters.instance[start:], self.clusters.embedding[start:],
         )  # fmt: skip
 
-    def restore(
-        self, parts: Iterable[MapRows], merges: NDArray[np.int32], num_scans: int, floor: float | None
-    ) -> None:
+    def restore(self, parts: Iterable[MapRows], merges: NDArray[np.int32], num_scans: int, floor: float | None) -> None:
         """Put a new segmenter where an earlier one was after ``num_scans`` scans.
 
         Args:
@@ -190,7 +188,7 @@ class IncrementalSegmenter:
         self.num_scans, self._floor = num_scans, floor
 
     def _find_floor(self, scan: Scan, near_xyz: NDArray[np.float32]) -> float:
-        """Apply the floor setting; where the map shows no floor, the last one holds, or else the scan's lowest point."""
+        """Apply the floor setting; where the map shows none, the last floor holds, else the scan's lowest point."""
         rule = self.settings.floor
         if isinstance(rule, float):
             return rule
@@ -203,13 +201,13 @@ class IncrementalSegmenter:
         self, new: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float32]:
         """Run the network over new voxels in shuffled batches; keep their classes, return (M, E) embeddings."""
-        embedding = np.empty((len(new), self._network.embed.out_features), np.float32)
+        embedding = np.empty((len(new), EMBEDDING), np.float32)
         semantic, confidence = np.empty(len(new), np.uint8), np.empty(len(new), np.float32)
         order = rng.permutation(len(new))
         chunk = _CHUNK_BATCHES * self.settings.batch_size
-        starts = range(0, max(len(new) - chunk, 0) + 1, chunk) if len(new) else ()
-        for start in starts:
-            rows = order[start:] if start == starts[-1] else order[start : start + chunk]
+        # The last chunk takes what is left too: its last batch is filled up from it.
+        ends = list(range(chunk, len(new) - chunk + 1, chunk))
+        for rows in np.split(order, ends) if len(new) else []:
             unit, logits = self._run_batches(new[rows], position, rng)
             probability, best = torch.softmax(logits, dim=1).max(dim=1)
             embedding[rows] = unit.cpu().numpy()
@@ -233,10 +231,11 @@ class IncrementalSegmenter:
         filler = torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))
         rows = torch.cat([torch.arange(len(ids)), filler]).to(self._device)
         outputs = [
-            self._network.label(centre[batch], None if pooled is None else pooled[batch]) for batch in rows.split(size)
+            self._network.label(centre[batch], None if pooled is None else pooled[batch])
+            for batch in torch.split(rows, size)
         ]
-        unit, logits = (torch.cat(parts)[: len(ids)] for parts in zip(*outputs, strict=True))
-        return unit, logits
+        unit = torch.cat([embedding for embedding, _ in outputs])[: len(ids)]
+        return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
 
 
 class _Stopwatch:
@@ -272,13 +271,16 @@ def _torch_device(name: str) -> torch.device:
     try:
         return torch.empty(0, device=name).device
     except (RuntimeError, AssertionError) as error:
-        raise McpsegError(f"--device {name}: not available here; expected cpu or a device torch knows; use cpu") from error
+        raise McpsegError(
+            f"--device {name}: not available here; expected cpu or a device torch knows; use cpu"
+        ) from error
 
 
 def _near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:
     """Mark the points within range of the robot, horizontally (III-B)."""
     offset = scan.xyz[:, :2] - scan.position[:2].astype(np.float32)
-    return np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
+    near: NDArray[np.bool_] = np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
+    return near
 
 
 def _colour(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -159,25 +159,30 @@ class State:
             StateError: The database is damaged.
         """
         with self._transaction():
-            number = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
-            values = (record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes(), record.num_points)
-            values += (record.num_voxels, record.floor, record.error, record.event)
-            self._db.execute("INSERT INTO scans VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", (number, *values))
+            number = self._num_scans
+            identity = (number, record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes())
+            outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
+            self._db.execute("INSERT INTO scans VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", identity + outcome)
             if len(merges):
                 self._db.execute("INSERT INTO merges VALUES (?, ?)", (number, merges.astype("<i4").tobytes()))
             for start in range(0, len(rows), _PART_ROWS):
                 parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
                 first_id = record.num_voxels - len(rows) + start
                 blobs = [np.ascontiguousarray(part).data for part in parts]
-                self._db.execute("INSERT INTO voxels VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (first_id, len(parts[0]), *blobs))
+                self._db.execute(
+                    "INSERT INTO voxels VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (first_id, len(parts[0]), *blobs)
+                )
+        self._num_scans += 1
 
     def scans(self) -> list[ScanRecord]:
         """List the consumed scans in order."""
         with self._explained():
             rows = self._db.execute("SELECT * FROM scans ORDER BY number").fetchall()
-        return [
-            ScanRecord(*row[1:5], np.frombuffer(row[5], np.float64).reshape(4, 4), *row[6:]) for row in rows
-        ]
+        records = []
+        for _, name, size, mtime_ns, sha256, pose, *outcome in rows:
+            matrix = np.frombuffer(pose, np.float64).reshape(4, 4)
+            records.append(ScanRecord(name, size, mtime_ns, sha256, matrix, *outcome))
+        return records
 
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
         """Return (P, 2) int32 merges in order: all, or those of scans up to number ``until``."""
@@ -196,7 +201,9 @@ class State:
         expected = 0
         with self._explained():
             names = ", ".join(_COLUMNS)
-            for first_id, count, *blobs in self._db.execute(f"SELECT first_id, count, {names} FROM voxels ORDER BY first_id"):
+            for first_id, count, *blobs in self._db.execute(
+                f"SELECT first_id, count, {names} FROM voxels ORDER BY first_id"
+            ):
                 try:
                     arrays = [
                         np.frombuffer(blob, dtype).reshape(count, *shape)
@@ -236,9 +243,11 @@ class State:
             raise self._damaged("another program's database")
         elif version != SCHEMA_VERSION:
             raise StateError(
-                f"{self.path}: version {version}; expected version {SCHEMA_VERSION}; use the mcpseg it was made with or --overwrite"
+                f"{self.path}: version {version}; expected version {SCHEMA_VERSION}; "
+                "use the mcpseg it was made with, or --overwrite"
             )
         self._db.execute("COMMIT")
+        self._num_scans = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
 
     def _damaged(self, what: str) -> StateError:
         return StateError(f"{self.path}: damaged ({what}); expected an mcpseg checkpoint; start again with --overwrite")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.config import HIDDEN, NUM_FEATURES
@@ -65,15 +66,15 @@ def import_checkpoint(prefix: Path) -> tuple[MCPNet, WeightsInfo]:
             if layer.startswith("context") and info.architecture == "mcpnet-nocontext":
                 continue
             linear = network.get_submodule(layer)
+            assert isinstance(linear, nn.Linear)
             kernel, bias = kernels.get(f"kernel{number}"), tensors.get(f"bias{number}")
-            expected = tuple(linear.weight.T.shape)  # type: ignore[union-attr, operator]
+            expected = tuple(linear.weight.T.shape)
             if kernel is None or bias is None or kernel.shape != expected or bias.shape != expected[1:]:
-                raise WeightsError(
-                    prefix, f"kernel{number} {shapes.get(f'kernel{number}', 'missing')}", f"{expected} with its bias, as MCPNet has",
-                    "import an MCPNet checkpoint (VoxNet and the other baselines are not supported yet)",
-                )  # fmt: skip
-            linear.weight.copy_(torch.from_numpy(kernel.T.copy()))  # type: ignore[union-attr, operator]
-            linear.bias.copy_(torch.from_numpy(bias.copy()))  # type: ignore[union-attr, operator]
+                found = f"kernel{number} {shapes.get(f'kernel{number}', 'missing')}"
+                remedy = "import an MCPNet checkpoint (VoxNet and the other baselines are not supported yet)"
+                raise WeightsError(prefix, found, f"{expected} with its bias, as MCPNet has", remedy)
+            linear.weight.copy_(torch.from_numpy(kernel.T.copy()))
+            linear.bias.copy_(torch.from_numpy(bias.copy()))
     return network.eval(), info
 
 
@@ -89,10 +90,15 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
     Raises:
         WeightsError: A file is missing, damaged or not a TensorBundle.
     """
-    index_path, data_path = prefix.with_name(f"{prefix.name}.index"), prefix.with_name(f"{prefix.name}.data-00000-of-00001")
+    index_path, data_path = (
+        prefix.with_name(f"{prefix.name}.index"),
+        prefix.with_name(f"{prefix.name}.data-00000-of-00001"),
+    )
     for path in (index_path, data_path):
         if not path.is_file():
-            raise WeightsError(prefix, f"no {path.name}", f"{index_path.name} and {data_path.name}", "give the name they share")
+            raise WeightsError(
+                prefix, f"no {path.name}", f"{index_path.name} and {data_path.name}", "give the name they share"
+            )
     index, data = index_path.read_bytes(), data_path.read_bytes()
     tensors = {}
     try:

@@ -85,7 +85,9 @@ class VoxelMap:
         Returns:
             (N,) int32.
         """
-        return _find_voxels(voxel_of(xyz, self.voxel_size), self._keys, self._slots, self._block_ids)
+        voxel = voxel_of(xyz, self.voxel_size)
+        ids: NDArray[np.int32] = _find_voxels(voxel, self._keys, self._slots, self._block_ids)
+        return ids
 
     def neighbours(self, ids: NDArray[np.int32]) -> NDArray[np.int32]:
         """Find the voxels at most one cell away (III-C).
@@ -117,7 +119,8 @@ class VoxelMap:
         """
         low, width = context_window(voxel_of(self.xyz[ids], self.voxel_size), window)
         uniform = rng.random((len(ids), num_context), np.float32)
-        return _sample_windows(low, width, uniform, self._keys, self._slots, self._block_ids)
+        sample: NDArray[np.int32] = _sample_windows(low, width, uniform, self._keys, self._slots, self._block_ids)
+        return sample
 
     def occupancy(self, low: NDArray[np.int32], shape: tuple[int, int, int]) -> NDArray[np.int32]:
         """Copy a box of the map into a dense grid.
@@ -129,7 +132,9 @@ class VoxelMap:
         Returns:
             ``shape`` int32 voxel ids, -1 where there is no voxel.
         """
-        return _gather_box(low, np.array(shape, np.int32), self._keys, self._slots, self._block_ids)
+        size = np.array(shape, np.int32)
+        grid: NDArray[np.int32] = _gather_box(low, size, self._keys, self._slots, self._block_ids)
+        return grid
 
     def restore(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> None:
         """Append voxels of an earlier map, in id order, as ``xyz`` and ``rgb`` gave them.

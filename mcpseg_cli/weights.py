@@ -76,7 +76,9 @@ def find_weights(name_or_path: str) -> Path:
         if (folder / f"{name_or_path}.safetensors").is_file():
             return folder / f"{name_or_path}.safetensors"
     bundled = sorted(file.stem for folder in folders for file in folder.glob("*.safetensors"))
-    raise WeightsError(name_or_path, "no such weights", f"a .safetensors file or one of {', '.join(bundled)}", "check the name")
+    raise WeightsError(
+        name_or_path, "no such weights", f"a .safetensors file or one of {', '.join(bundled)}", "check the name"
+    )
 
 
 def load_weights(path: Path) -> Weights:
@@ -112,7 +114,9 @@ def load_weights(path: Path) -> Weights:
         raise WeightsError(path, found, "a description this version knows", "update mcpseg") from error
     except RuntimeError as error:
         found = str(error).splitlines()[-1].strip()
-        raise WeightsError(path, found, f"the tensors of {info.architecture}", "the file is damaged; copy it again") from error
+        raise WeightsError(
+            path, found, f"the tensors of {info.architecture}", "the file is damaged; copy it again"
+        ) from error
     return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
 
 

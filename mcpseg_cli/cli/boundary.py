@@ -13,7 +13,7 @@ from mcpseg_cli.errors import McpsegError
 class OneLineErrors(TyperGroup):
     """A command group that reports expected failures in one line, without a traceback."""
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         """Run the chosen command; McpsegError and OSError end it with exit 1, an interrupt with 130."""
         try:
             return super().invoke(ctx)
@@ -24,7 +24,11 @@ class OneLineErrors(TyperGroup):
             raise typer.Exit(1) from None
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
-            _fail(f"{place}{error.strerror or error}; finished scans are kept; mend this and run the command again", 1, error)
+            _fail(
+                f"{place}{error.strerror or error}; finished scans are kept; mend this and run the command again",
+                1,
+                error,
+            )
         except MemoryError as error:
             _fail("out of memory; expected smaller scans or a smaller range; finished scans are kept", 1, error)
         except KeyboardInterrupt as error:

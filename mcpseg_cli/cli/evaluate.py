@@ -16,7 +16,6 @@ def evaluate(
     """Score a labelled map against ground truth, per point of the map.
 
     Examples:
-
       mcpseg eval out/ gt/
 
       mcpseg eval out/ gt/ --json | jq .point_accuracy

@@ -16,7 +16,6 @@ def import_weights(
     """Convert the MCPNet authors' TensorFlow checkpoint into weights; TensorFlow is not needed.
 
     Example:
-
       mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors
     """
     from mcpseg_cli.errors import OutputError

@@ -41,7 +41,9 @@ class OnErrorChoice(StrEnum):
 
 OutputFolder = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")]
 OutputFile = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
-WeightsName = Annotated[str, typer.Option("-w", "--weights", help="A .safetensors file, or the name of bundled weights.")]
+WeightsName = Annotated[
+    str, typer.Option("-w", "--weights", help="A .safetensors file, or the name of bundled weights.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random choice.")]
 Device = Annotated[str, typer.Option("--device", help="Where the network runs: cpu, cuda, …")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 
 
 def segment(
-    scans: Annotated[Path, typer.Argument(help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.")],
+    scans: Annotated[
+        Path, typer.Argument(help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.")
+    ],
     poses: Annotated[Path, typer.Argument(help="Pose file: CSV with a header, TUM or KITTI.")],
     output: OutputFolder,
     weights: WeightsName = "smoke-test",
@@ -49,8 +51,12 @@ def segment(
     format: Annotated[  # noqa: A002
         FormatChoice | None, typer.Option(help="Format of the labelled scans; default: each scan's own.")
     ] = None,
-    on_error: Annotated[OnErrorChoice, typer.Option(help="What to do about a scan that cannot be read.")] = OnErrorChoice.STOP,
-    precision: Annotated[PrecisionChoice, typer.Option(help="auto is bf16 where the processor has it.")] = PrecisionChoice.AUTO,
+    on_error: Annotated[
+        OnErrorChoice, typer.Option(help="What to do about a scan that cannot be read.")
+    ] = OnErrorChoice.STOP,
+    precision: Annotated[
+        PrecisionChoice, typer.Option(help="auto is bf16 where the processor has it.")
+    ] = PrecisionChoice.AUTO,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -64,7 +70,6 @@ def segment(
     run.json and state.sqlite. Run the same command again to continue after an interruption or when scans were added.
 
     Examples:
-
       mcpseg segment scans/ poses.csv -o out/
 
       mcpseg segment scans/ poses_kitti.txt --frame sensor -o out/ --json | jq .objects
@@ -101,7 +106,9 @@ def segment(
                     if report.error:
                         notice(f"mcpseg: skipped: {report.error}", quiet=quiet)
                     objects = segmenter.clusters.num_objects
-                    bar.update(task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects:,} objects")
+                    bar.update(
+                        task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects:,} objects"
+                    )
         finally:
             run.write_objects()
         _print_summary(run, tally, as_json=as_json, verbose=verbose)
@@ -158,7 +165,13 @@ def _settings(voxel_size: float, local_range: float, similarity: float, floor: s
         height = floor
     try:
         return SegmentSettings.model_validate(
-            {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity, "floor": height, "seed": seed}
+            {
+                "voxel_size": voxel_size,
+                "local_range": local_range,
+                "similarity": similarity,
+                "floor": height,
+                "seed": seed,
+            }
         )
     except ValidationError as error:
         problem = error.errors()[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError
@@ -61,8 +60,10 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         elif suffix in CLOUD_SUFFIXES:
             _write_stream(partial, cloud)
         else:
-            raise OutputError(f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it")
-        os.replace(partial, path)
+            raise OutputError(
+                f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
+            )
+        partial.replace(path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

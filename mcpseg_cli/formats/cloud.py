@@ -70,7 +70,7 @@ class Cloud:
         return None
 
     def label(self, name: str) -> NDArray[np.generic] | None:
-        """Return the attribute ``semantic``, ``instance`` or ``confidence``, also under CloudCompare's ``scalar_`` name."""
+        """Return ``semantic``, ``instance`` or ``confidence``, under this name or CloudCompare's ``scalar_…``."""
         for candidate in (name, f"scalar_{name}"):
             if candidate in self.columns:
                 return self.columns[candidate]

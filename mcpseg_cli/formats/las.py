@@ -34,17 +34,21 @@ def read_las(path: Path) -> Cloud:
     try:
         with laspy.open(path) as reader:
             header = reader.header
-            records = []
-            for record in reader.chunk_iterator(_CHUNK):
-                records.append(record.array.copy())
+            records = [record.array.copy() for record in reader.chunk_iterator(_CHUNK)]
     except (laspy.LaspyException, LazrsError, ValueError, EOFError, OverflowError, MemoryError) as error:
         raise InputError(
-            path, f"a file that does not decode ({str(error).strip() or type(error).__name__})", "an undamaged LAS or LAZ", "copy it again"
+            path,
+            f"a file that does not decode ({str(error).strip() or type(error).__name__})",
+            "an undamaged LAS or LAZ",
+            "copy it again",
         ) from error
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
         raise InputError(
-            path, f"{header.point_count:,} points promised, {len(table):,} found", "all of them", "the file is cut short; copy it again"
+            path,
+            f"{header.point_count:,} points promised, {len(table):,} found",
+            "all of them",
+            "the file is cut short; copy it again",
         )
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
     columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}

@@ -37,7 +37,10 @@ def read_npz(path: Path) -> Cloud:
     for name, array in arrays.items():
         if array.ndim == 0 or len(array) != len(xyz):
             raise InputError(
-                path, f"{name} has shape {array.shape}, xyz {xyz.shape}", f"{len(xyz):,} rows in every array", "save it again"
+                path,
+                f"{name} has shape {array.shape}, xyz {xyz.shape}",
+                f"{len(xyz):,} rows in every array",
+                "save it again",
             )
         if name in _SPLIT and array.shape == xyz.shape:
             columns |= {part: array[:, column] for column, part in enumerate(_SPLIT[name])}
@@ -68,5 +71,8 @@ def _load(path: Path) -> dict[str, NDArray[np.generic]]:
     except (ValueError, KeyError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
-            path, f"an archive that does not load ({cause})", "plain arrays in an undamaged NPZ", "save it again, no objects"
+            path,
+            f"an archive that does not load ({cause})",
+            "plain arrays in an undamaged NPZ",
+            "save it again, no objects",
         ) from error

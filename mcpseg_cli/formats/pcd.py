@@ -14,7 +14,11 @@ from mcpseg_cli.formats.cloud import Cloud
 
 _MAX_HEADER = 1 << 14
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
-_SPLIT = {"positions": ("x", "y", "z"), "colors": ("red", "green", "blue"), "normals": ("normal_x", "normal_y", "normal_z")}
+_SPLIT = {
+    "positions": ("x", "y", "z"),
+    "colors": ("red", "green", "blue"),
+    "normals": ("normal_x", "normal_y", "normal_z"),
+}
 
 
 def read_pcd(path: Path) -> Cloud:
@@ -37,7 +41,10 @@ def read_pcd(path: Path) -> Cloud:
     found = len(cloud.point.positions) if "positions" in cloud.point else 0
     if found != promised:
         raise InputError(
-            path, f"{promised:,} points promised, {found:,} readable", "all of them", "the file is damaged; copy it again"
+            path,
+            f"{promised:,} points promised, {found:,} readable",
+            "all of them",
+            "the file is damaged; copy it again",
         )
     columns: dict[str, NDArray[np.generic]] = {}
     for name in sorted(cloud.point, key=lambda name: (name != "positions", name != "colors", name)):
@@ -99,14 +106,18 @@ def _check_header(path: Path) -> int:
         if not len(fields) == len(sizes) == len(counts) == len(header["TYPE"]) or min([points, *sizes, *counts]) < 0:
             raise ValueError("counts")
     except (KeyError, ValueError, IndexError) as error:
-        raise InputError(path, "a header that does not add up", "FIELDS, SIZE, TYPE, COUNT and POINTS", "export it again") from error
+        raise InputError(
+            path, "a header that does not add up", "FIELDS, SIZE, TYPE, COUNT and POINTS", "export it again"
+        ) from error
     missing = [axis for axis in "xyz" if axis not in fields]
     if missing:
         raise InputError(path, f"no field {', '.join(missing)}", "x, y and z", "export the cloud with coordinates")
     stride = sum(size * count for size, count in zip(sizes, counts, strict=True))
     found = _available(data[match.end() :], encoding, stride)
     if found < points:
-        raise InputError(path, f"{points:,} points promised, {found:,} found", f"{points:,}", "the file is cut short; copy it again")
+        raise InputError(
+            path, f"{points:,} points promised, {found:,} found", f"{points:,}", "the file is cut short; copy it again"
+        )
     return points
 
 

@@ -16,11 +16,14 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud
 
 _DTYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
-    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
+    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _NAMES = {
-    "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float", "f8": "double",
+    "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort",
+    "i4": "int", "u4": "uint", "f4": "float", "f8": "double",
 }  # fmt: skip
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CLASSES_COMMENT = "mcpseg classes "
@@ -85,7 +88,11 @@ def write_ply(file: BinaryIO, cloud: Cloud) -> None:
         table[name] = column
     lines = ["ply", "format binary_little_endian 1.0"]
     lines += [f"comment {_CLASSES_COMMENT}{','.join(cloud.classes)}"] * bool(cloud.classes)
-    lines += [f"element vertex {len(cloud)}", *(f"property {_NAMES[dtype]} {name}" for name, dtype in types), "end_header"]
+    lines += [
+        f"element vertex {len(cloud)}",
+        *(f"property {_NAMES[dtype]} {name}" for name, dtype in types),
+        "end_header",
+    ]
     file.write(("\n".join(lines) + "\n").encode())
     file.write(table.tobytes())
 
@@ -118,7 +125,9 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     for element in header.elements:
         names = [name for name, _ in element.properties]
         if len(set(names)) != len(names):
-            raise InputError(path, f"{element.name} properties {names} repeat a name", "each name once", "export it again")
+            raise InputError(
+                path, f"{element.name} properties {names} repeat a name", "each name once", "export it again"
+            )
     return header
 
 
@@ -181,7 +190,10 @@ def _read_ascii(path: Path, data: bytes, header: _Header, position: int) -> NDAr
             table: NDArray[np.void] = np.loadtxt(text, dtype, comments=None, ndmin=1, encoding="latin-1")
     except (ValueError, OverflowError, Warning) as error:
         raise InputError(
-            path, f"vertex lines that do not parse ({error})", f"{len(dtype)} numbers a line", "export the cloud again"
+            path,
+            f"vertex lines that do not parse ({error})",
+            f"{len(vertex.properties)} numbers a line",
+            "export the cloud again",
         ) from error
     return table
 

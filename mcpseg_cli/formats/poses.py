@@ -62,7 +62,10 @@ def read_poses(path: Path) -> PoseTable:
     num_columns = len(_words(lines[0][1]))
     if num_columns not in (8, 12):
         raise InputError(
-            path, f"{num_columns} columns", "8 (TUM), 12 (KITTI) or a CSV with a header", "add a header line or export it again"
+            path,
+            f"{num_columns} columns",
+            "8 (TUM), 12 (KITTI) or a CSV with a header",
+            "add a header line or export it again",
         )
     rows = _numbers(path, [(number, _words(line)) for number, line in lines], num_columns)
     numbers = [number for number, _ in lines]
@@ -91,21 +94,28 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
     quaternion = [name for name in _QUATERNION if name in header]
     if unknown or missing or len(set(header)) != len(header) or len(quaternion) not in (0, 4):
         raise InputError(
-            path, f"columns {', '.join(header)[:120]}", f"{', '.join(_CSV_COLUMNS)} (scan, timestamp and q… optional)", "rename the columns"
+            path,
+            f"columns {', '.join(header)[:120]}",
+            f"{', '.join(_CSV_COLUMNS)} (scan, timestamp and q… optional)",
+            "rename the columns",
         )
     rows = [(number, _words(line)) for number, line in lines[1:]]
     if not rows:
         raise InputError(path, "a header and no poses", "a line for each scan", "add the poses")
     for number, words in rows:
         if len(words) != len(header):
-            raise InputError(path, f"line {number} has {len(words)} columns", f"{len(header)} as in the header", "mend the line")
+            raise InputError(
+                path, f"line {number} has {len(words)} columns", f"{len(header)} as in the header", "mend the line"
+            )
     scans = None
     if "scan" in header:
         scans = tuple(words.pop(header.index("scan")) for _, words in rows)
         header.remove("scan")
         if len(set(scans)) != len(scans):
             repeated = next(name for name in scans if scans.count(name) > 1)
-            raise InputError(path, f"scan {repeated} appears {scans.count(repeated)} times", "one row a scan", "remove all but one")
+            raise InputError(
+                path, f"scan {repeated} appears {scans.count(repeated)} times", "one row a scan", "remove all but one"
+            )
     table = _numbers(path, rows, len(header))
     numbers = [number for number, _ in rows]
     position = table[:, [header.index(name) for name in _POSITION]]
@@ -113,7 +123,9 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
         poses[:, :3, 3] = position
         return PoseTable(poses, scans, has_rotation=False)
-    return PoseTable(_from_quaternions(path, numbers, position, table[:, [header.index(q) for q in _QUATERNION]]), scans)
+    return PoseTable(
+        _from_quaternions(path, numbers, position, table[:, [header.index(q) for q in _QUATERNION]]), scans
+    )
 
 
 def _numbers(path: Path, rows: list[tuple[int, list[str]]], num_columns: int) -> NDArray[np.float64]:
@@ -121,10 +133,14 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], num_columns: int) ->
     table = np.empty((len(rows), num_columns))
     for row, (number, words) in enumerate(rows):
         if len(words) != num_columns:
-            raise InputError(path, f"line {number} has {len(words)} columns", f"{num_columns} as before it", "mend the line")
+            raise InputError(
+                path, f"line {number} has {len(words)} columns", f"{num_columns} as before it", "mend the line"
+            )
         for column, word in enumerate(words):
             if not _is_number(word) or not math.isfinite(float(word)):
-                raise InputError(path, f"{word[:40]!r} in line {number}, column {column + 1}", "a finite number", "mend the line")
+                raise InputError(
+                    path, f"{word[:40]!r} in line {number}, column {column + 1}", "a finite number", "mend the line"
+                )
             table[row, column] = float(word)
     return table
 
@@ -139,7 +155,10 @@ def _from_quaternions(
     if len(wrong):
         row = wrong[0]
         raise InputError(
-            path, f"quaternion of length {norms[row]:.3g} in line {numbers[row]}", "a unit quaternion qx qy qz qw", "check the column order"
+            path,
+            f"quaternion of length {norms[row]:.3g} in line {numbers[row]}",
+            "a unit quaternion qx qy qz qw",
+            "check the column order",
         )
     poses = np.tile(np.eye(4), (len(position), 1, 1))
     poses[:, :3, :3] = Rotation.from_quat(quaternion).as_matrix()
@@ -158,6 +177,9 @@ def _from_matrices(path: Path, numbers: list[int], rows: NDArray[np.float64]) ->
     wrong = np.flatnonzero(~(residual < _UNIT_TOLERANCE) | mirrored)
     if len(wrong):
         raise InputError(
-            path, f"line {numbers[wrong[0]]} is no rotation and translation", "r11 r12 r13 tx r21 … tz", "check the column order"
+            path,
+            f"line {numbers[wrong[0]]} is no rotation and translation",
+            "r11 r12 r13 tx r21 … tz",
+            "check the column order",
         )
     return poses

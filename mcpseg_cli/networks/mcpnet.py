@@ -54,7 +54,7 @@ class MCPNet(nn.Module):
         """
         if torch.is_grad_enabled():
             return self._pool_tile(context)
-        tiles = context.split(max(1, _TILE_ROWS // context.shape[1]))
+        tiles = torch.split(context, max(1, _TILE_ROWS // context.shape[1]))
         return torch.cat([self._pool_tile(tile) for tile in tiles])
 
     def _pool_tile(self, context: Tensor) -> Tensor:
