@@ -12,8 +12,9 @@ from mcpseg_cli.voxel_map import VoxelMap
 
 _RADIUS = 2.0  # metres around the robot in which to look
 _BELOW = 3.0  # the floor is at most this far below the sensor, metres
-_ABOVE = 0.5  # ... or above the pose, for poses given at the robot's foot
-_FLAT_NEIGHBOURS = 6  # of 8 beside a voxel, a layer up or down allowed: two-voxel-thick walls reach 5
+_ABOVE = 0.15  # ... or this far above the pose, for poses given at the robot's foot
+_FLAT_NEIGHBOURS = 6  # of 8 beside a voxel, a layer up or down allowed
+_CLEAR_LAYERS = (2, 3, 4)  # above a floor there is nothing; above a voxel of a thick wall there is wall
 _MIN_AREA = 0.2  # square metres of flat voxels that make a floor
 _MIN_SHARE = 0.2  # ... and their share of the largest flat layer
 
@@ -43,11 +44,14 @@ def floor_height(voxel_map: VoxelMap, position: NDArray[np.float64]) -> float | 
 
 
 def _flat(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the voxels most of whose horizontal neighbours are occupied; (X, Y, Z) in and out."""
+    """Mark the voxels with most horizontal neighbours occupied and nothing above; (X, Y, Z) in and out."""
     thick = occupied.copy()
     thick[:, :, 1:] |= occupied[:, :, :-1]
     thick[:, :, :-1] |= occupied[:, :, 1:]
     thick = np.pad(thick.view(np.uint8), ((1, 1), (1, 1), (0, 0)))
     rows = thick[:-2] + thick[1:-1] + thick[2:]
     beside: NDArray[np.uint8] = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - thick[1:-1, 1:-1]
-    return occupied & (beside >= _FLAT_NEIGHBOURS)
+    flat = occupied & (beside >= _FLAT_NEIGHBOURS)
+    for layer in _CLEAR_LAYERS:
+        flat[:, :, :-layer] &= ~occupied[:, :, layer:]
+    return flat

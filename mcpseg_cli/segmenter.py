@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +87,7 @@ class IncrementalSegmenter:
         self._confidence = Column(np.float32)
         self._floor: float | None = None
         self._device = _torch_device(device)
-        self._network = weights.network.to(self._device)
+        self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(torch.bfloat16 if self.precision == "bf16" else torch.float32)
 
     @classmethod

@@ -47,17 +47,13 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         cloud: The points with every attribute to write.
 
     Raises:
-        OutputError: The format is not supported or Open3D cannot write it.
+        OutputError: The format is not supported, or has no room for an attribute.
         OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
     """
     suffix = path.suffix.lower()
     partial = path.with_name(f".{path.stem}{PARTIAL}{suffix}")
     try:
-        if suffix == ".pcd":
-            from mcpseg_cli.formats.pcd import write_pcd
-
-            write_pcd(partial, cloud)
-        elif suffix in CLOUD_SUFFIXES:
+        if suffix in CLOUD_SUFFIXES:
             _write_stream(partial, cloud)
         else:
             raise OutputError(
@@ -70,7 +66,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
 
 
 def _write_stream(path: Path, cloud: Cloud) -> None:
-    """Write one of the formats that go through a Python file, so that a full disk is an OSError."""
+    """Write one of the formats; all go through a Python file, so that a full disk is an OSError."""
     suffix = path.suffix.lower()
     with path.open("wb") as file:
         if suffix == ".ply":
@@ -81,6 +77,10 @@ def _write_stream(path: Path, cloud: Cloud) -> None:
             from mcpseg_cli.formats.npz import write_npz
 
             write_npz(file, cloud)
+        elif suffix == ".pcd":
+            from mcpseg_cli.formats.pcd import write_pcd
+
+            write_pcd(file, cloud)
         else:
             from mcpseg_cli.formats.las import write_las
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from laspy import LasHeader
@@ -95,8 +95,9 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
     if len(cloud) == 0:
         raise InputError(path, "zero points", "at least one point", "remove the file or record the scan again")
     finite = np.ones(len(cloud), bool)
-    for axis in "xyz":
-        finite &= np.isfinite(cloud.columns[axis].astype(np.float64, copy=False))
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as bad as a quiet one
+        for axis in "xyz":
+            finite &= np.isfinite(cloud.columns[axis].astype(np.float64, copy=False))
     if not finite.all():
         bad = np.flatnonzero(~finite)
         raise InputError(
@@ -106,6 +107,35 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
             "drop these points before segmenting",
         )
     return cloud
+
+
+def as_number(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return an attribute in a type that every format has: booleans as bytes, half floats as float32.
+
+    Raises:
+        OutputError: It does not hold numbers.
+    """
+    if column.dtype.kind not in "biuf" or column.dtype.itemsize > 8:
+        raise OutputError(f"attribute {name}: holds {column.dtype}; expected numbers; remove it or write NPZ")
+    small = {"b1": np.uint8, "f2": np.float32}.get(column.dtype.str[1:])
+    return column if small is None else column.astype(small)
+
+
+def scalar_columns(columns: dict[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    """Split attributes for a format that has only scalars: (N, K) becomes ``name_0`` … ``name_K-1``.
+
+    Raises:
+        OutputError: An attribute does not hold numbers.
+    """
+    scalars: dict[str, NDArray[np.generic]] = {}
+    for name, column in columns.items():
+        numbers = as_number(name, column)
+        if column.ndim == 1:
+            scalars[name] = numbers
+        else:
+            parts = numbers.reshape(len(column), -1).T
+            scalars |= {f"{name}_{part}": values for part, values in enumerate(parts)}
+    return scalars
 
 
 def _as_uint8(colour: NDArray[np.generic]) -> NDArray[np.uint8]:

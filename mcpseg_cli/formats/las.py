@@ -1,6 +1,7 @@
 """LAS and LAZ through laspy: read and written in chunks, scales, reference system and extra bytes kept."""
 
 import copy
+import struct
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,13 +10,24 @@ import numpy as np
 from lazrs import LazrsError
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.cloud import Cloud
+from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
 
 _CHUNK = 1_000_000  # points decompressed at a time
 _CLASS_BASE = 64  # classifications 64-255 are the user's (LAS 1.4, table 17)
-_COORDINATES = {"x": "X", "y": "Y", "z": "Z"}
-_LABELS = {"semantic": np.uint8, "instance": np.int32, "confidence": np.float32}
+_COORDINATES = ("X", "Y", "Z")  # as LAS stores them: integers
+_COLOURS = ("red", "green", "blue")
+_NAME_BYTES = 32  # of an extra dimension
+_HEADER_1_0, _HEADER_1_4, _RECORD, _EXTENDED_RECORD = 227, 375, 54, 60  # bytes (LAS 1.4, tables 3 and 9)
+_COMPRESSED = 0x80  # bit of the point format
+_DAMAGE = (
+    laspy.LaspyException,
+    LazrsError,
+    ValueError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+)  # what laspy raises for it
 _CLASSES_RECORD = ("mcpseg", 1)
 
 
@@ -31,31 +43,73 @@ def read_las(path: Path) -> Cloud:
     Raises:
         InputError: Not LAS, cut short, or a compressed chunk that does not decode.
     """
+    _check_counts(path)
     try:
         with laspy.open(path) as reader:
             header = reader.header
             records = [record.array.copy() for record in reader.chunk_iterator(_CHUNK)]
-    except (laspy.LaspyException, LazrsError, ValueError, EOFError, OverflowError, MemoryError) as error:
-        raise InputError(
-            path,
-            f"a file that does not decode ({str(error).strip() or type(error).__name__})",
-            "an undamaged LAS or LAZ",
-            "copy it again",
-        ) from error
+    except _DAMAGE as error:
+        raise _undecodable(path, str(error).strip() or type(error).__name__) from error
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
-        raise InputError(
-            path,
-            f"{header.point_count:,} points promised, {len(table):,} found",
-            "all of them",
-            "the file is cut short; copy it again",
-        )
+        raise _cut_short(path, header.point_count, len(table))
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
-    columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
-    for name in header.point_format.dimension_names:
-        if name not in _COORDINATES.values():
-            columns[name] = np.asarray(points[name])
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged scales: the coordinates are refused for it
+        columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
+        for name in header.point_format.dimension_names:
+            if name not in _COORDINATES:
+                columns[name] = np.asarray(points[name])
     return Cloud(columns, _read_classes(header), header)
+
+
+def _check_counts(path: Path) -> None:
+    """Refuse counts that the file has no room for; laspy would go on reading past its end."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEADER_1_4)
+    if head[:4] != b"LASF" or len(head) < _HEADER_1_0:
+        raise InputError(path, f"starts with {head[:8]!r}", "a LAS or LAZ header", "check that this is a LAS file")
+    start, num_records, point_format, point_size, num_points = struct.unpack_from("<IIBHI", head, 96)
+    if head[25] >= 4:  # version 1.4 counts in 64 bits
+        if len(head) < _HEADER_1_4:
+            raise _undecodable(path, "the header is cut short")
+        first_extended, num_extended, num_points = struct.unpack_from("<QIQ", head, 235)
+        if num_extended and first_extended + num_extended * _EXTENDED_RECORD > size:
+            raise _undecodable(path, f"{num_extended:,} extended records promised in {size:,} bytes")
+    if start > size or num_records * _RECORD > start or point_size == 0:
+        raise _undecodable(path, f"{num_records:,} records and points from byte {start:,} promised in {size:,} bytes")
+    found = (size - start) // point_size
+    if point_format & _COMPRESSED:
+        _check_chunk_table(path, start, point_size)
+    elif num_points > found:
+        raise _cut_short(path, num_points, found)
+
+
+def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
+    """Refuse a LAZ whose table promises more chunks than it has bytes: lazrs would end the process for want of memory."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(start)
+        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
+        if table == -1 and size >= start + 16:  # written to a stream: the place is at the end
+            file.seek(size - 8)
+            (table,) = struct.unpack("<q", file.read(8))
+        if not start < table <= size - 8:
+            raise _undecodable(path, f"a chunk table at byte {table:,} of {size:,}, the file may be cut short")
+        file.seek(table + 4)
+        (num_chunks,) = struct.unpack("<I", file.read(4))
+    if num_chunks * point_size > size:  # a chunk starts with a whole point
+        raise _undecodable(path, f"{num_chunks:,} chunks promised in {size:,} bytes")
+
+
+def _cut_short(path: Path, promised: int, found: int) -> InputError:
+    return InputError(
+        path, f"{promised:,} points promised, {found:,} found", "all of them", "the file is cut short; copy it again"
+    )
+
+
+def _undecodable(path: Path, cause: str) -> InputError:
+    return InputError(path, f"a file that does not decode ({cause})", "an undamaged LAS or LAZ", "copy it again")
 
 
 def write_las(file: BinaryIO, cloud: Cloud, *, compress: bool) -> None:
@@ -67,37 +121,69 @@ def write_las(file: BinaryIO, cloud: Cloud, *, compress: bool) -> None:
         compress: Whether to write LAZ.
     """
     header = _header_for(cloud)
+    columns = _make_room(header, cloud)
     with laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False) as writer:
         for start in range(0, len(cloud), _CHUNK):
-            writer.write_points(_record(header, cloud, slice(start, start + _CHUNK)))
+            writer.write_points(_record(header, cloud, columns, slice(start, start + _CHUNK)))
+        if header.evlrs:
+            writer.write_evlrs(header.evlrs)
 
 
 def _header_for(cloud: Cloud) -> laspy.LasHeader:
-    """Make a header that has room for every attribute of the cloud."""
+    """Make the cloud's header, or a new one, with the cloud's class names."""
     if cloud.las_header is not None:
         header = copy.deepcopy(cloud.las_header)
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
         header.scales = np.full(3, 1e-4)
         header.offsets = np.floor([cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"])
-    known = set(header.point_format.dimension_names)
-    for name, column in cloud.columns.items():
-        if name not in known and name not in _COORDINATES:
-            dtype = _LABELS.get(name, column.dtype.type)
-            header.add_extra_dim(laspy.ExtraBytesParams(name=name[:32], type=np.dtype(dtype)))
     if cloud.classes:
         header.vlrs = [vlr for vlr in header.vlrs if (vlr.user_id, vlr.record_id) != _CLASSES_RECORD]
         header.vlrs.append(laspy.VLR(*_CLASSES_RECORD, "class names", ",".join(cloud.classes).encode()))
     return header
 
 
-def _record(header: laspy.LasHeader, cloud: Cloud, rows: slice) -> laspy.ScaleAwarePointRecord:
+def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.generic]]:
+    """Add extra bytes for what the header has no dimension for; return the attributes by dimension."""
+    own, others = {}, {}
+    for name, column in cloud.columns.items():
+        if name in header.point_format.extra_dimension_names and name in LABEL_NAMES:
+            header.remove_extra_dim(name)  # its type may not hold our labels
+        fits = name in "xyz" or (cloud.las_header is None and name in _COLOURS and cloud.rgb is not None)
+        if fits or _has_dimension(header, cloud, name):
+            own[name] = column
+        else:
+            others[f"scalar_{name}" if name in header.point_format.dimension_names else name] = column
+    shortened: dict[str, NDArray[np.generic]] = {}
+    for name, column in scalar_columns(others).items():
+        short = name.encode()[:_NAME_BYTES].decode(errors="ignore")
+        if short in own or short in shortened:
+            raise OutputError(f"attribute {name}: another one starts with the same {_NAME_BYTES} bytes; rename it")
+        header.add_extra_dim(laspy.ExtraBytesParams(name=short, type=column.dtype))
+        shortened[short] = column
+    return own | shortened
+
+
+def _has_dimension(header: laspy.LasHeader, cloud: Cloud, name: str) -> bool:
+    """Tell whether the header's dimension of this name holds the cloud's values; one read from LAS does."""
+    if name not in header.point_format.dimension_names or name in _COORDINATES:
+        return False
+    dimension, column = header.point_format.dimension_by_name(name), cloud.columns[name]
+    if cloud.las_header is not None:
+        return True
+    return column.dtype == (dimension.dtype or np.uint8) and column.max(initial=0) <= dimension.max
+
+
+def _record(
+    header: laspy.LasHeader, cloud: Cloud, columns: dict[str, NDArray[np.generic]], rows: slice
+) -> laspy.ScaleAwarePointRecord:
     """Fill a point record with some rows of the cloud."""
     points = laspy.ScaleAwarePointRecord.zeros(len(cloud.columns["x"][rows]), header=header)
-    for name, column in cloud.columns.items():
-        points[name[:32]] = column[rows]
+    for name, column in columns.items():
+        if cloud.las_header is not None or name not in _COLOURS:
+            points[name] = column[rows]
     if cloud.las_header is None and (rgb := cloud.rgb) is not None:
-        for channel, name in enumerate(("red", "green", "blue")):
+        for channel, name in enumerate(_COLOURS):
             points[name] = rgb[rows, channel].astype(np.uint16) * 257
     if "semantic" in cloud.columns and header.point_format.id >= 6:
         semantic = cloud.columns["semantic"][rows].astype(np.int64)
@@ -108,5 +194,5 @@ def _record(header: laspy.LasHeader, cloud: Cloud, rows: slice) -> laspy.ScaleAw
 def _read_classes(header: laspy.LasHeader) -> tuple[str, ...]:
     for vlr in header.vlrs:
         if (vlr.user_id, vlr.record_id) == _CLASSES_RECORD:
-            return tuple(vlr.record_data_bytes().decode("latin-1").split(","))
+            return tuple(vlr.record_data_bytes().decode("utf-8", errors="replace").split(","))
     return ()

@@ -1,7 +1,11 @@
 """NPZ: numpy archives with ``xyz`` (N, 3), ``rgb`` (N, 3) and any further per-point arrays. Never unpickles."""
 
+import lzma
+import struct
+import tokenize
 import zipfile
 import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,6 +17,10 @@ from mcpseg_cli.formats.cloud import Cloud
 
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
 _CLASSES = "class_names"
+_DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise for damaged files
+    ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError, ArithmeticError, OSError, SyntaxError,
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError,
+)  # fmt: skip
 
 
 def read_npz(path: Path) -> Cloud:
@@ -32,6 +40,9 @@ def read_npz(path: Path) -> Cloud:
     if xyz is None or xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
         found = f"xyz is {xyz.dtype} {xyz.shape}" if xyz is not None else f"arrays {', '.join(arrays) or '(none)'}"
         raise InputError(path, found, "an array xyz (N, 3) of numbers", "save it with numpy.savez(path, xyz=…, rgb=…)")
+    doubled = [name for name in ("x", "y", "z") if name in arrays]
+    if doubled:
+        raise InputError(path, f"{', '.join(doubled)} beside xyz", "coordinates once", f"remove {', '.join(doubled)}")
     classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
     columns: dict[str, NDArray[np.generic]] = {}
     for name, array in arrays.items():
@@ -42,7 +53,7 @@ def read_npz(path: Path) -> Cloud:
                 f"{len(xyz):,} rows in every array",
                 "save it again",
             )
-        if name in _SPLIT and array.shape == xyz.shape:
+        if name in _SPLIT and array.shape == xyz.shape and array.dtype.kind in "biuf":
             columns |= {part: array[:, column] for column, part in enumerate(_SPLIT[name])}
         else:
             columns[name] = array
@@ -54,21 +65,25 @@ def write_npz(file: BinaryIO, cloud: Cloud) -> None:
     columns = dict(cloud.columns)
     arrays: dict[str, NDArray[np.generic]] = {}
     for joined, parts in _SPLIT.items():
-        if all(part in columns for part in parts):
+        if all(part in columns for part in parts) and (joined == "xyz" or joined not in columns):
             arrays[joined] = np.stack([columns.pop(part) for part in parts], axis=1)
     if cloud.classes:
         arrays[_CLASSES] = np.array(cloud.classes)
-    np.savez(file, **(arrays | columns))  # type: ignore[arg-type]
+    with zipfile.ZipFile(file, "w") as archive:  # numpy.savez takes no array named "file"
+        for name, array in (arrays | columns | arrays).items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, array, allow_pickle=False)
 
 
 def _load(path: Path) -> dict[str, NDArray[np.generic]]:
     """Load every array of the archive into memory."""
+    data = BytesIO(path.read_bytes())
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(data, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise InputError(path, "a single array", "an NPZ archive", "save it with numpy.savez")
             return {name: archive[name] for name in archive.files}
-    except (ValueError, KeyError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGE as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(
             path,

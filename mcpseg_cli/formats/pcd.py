@@ -1,24 +1,41 @@
-"""PCD (the Point Cloud Library's format) through Open3D: ascii, binary and compressed.
+"""PCD (the Point Cloud Library's format) 0.7: ascii, binary and compressed, fields of any name, order, type and count.
 
-Open3D only warns about damaged files, so the header is checked here first.
+Read with numpy: Open3D's reader leaves memory unset where a file is damaged and keeps one number of a longer field.
 """
 
 import re
+import warnings
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.formats.cloud import Cloud
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.cloud import Cloud, as_number
 
 _MAX_HEADER = 1 << 14
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
-_SPLIT = {
-    "positions": ("x", "y", "z"),
-    "colors": ("red", "green", "blue"),
-    "normals": ("normal_x", "normal_y", "normal_z"),
-}
+_KINDS = {"F": "f", "I": "i", "U": "u"}
+_SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
+_PADDING = "_"
+_COLOURS = ("red", "green", "blue")
+_PACKED = {"rgb": 3, "rgba": 4}
+_CLASSES_COMMENT = "# mcpseg classes "
+
+
+@dataclass
+class _Header:
+    """A checked header and the byte at which the data starts."""
+
+    dtype: np.dtype[np.void]
+    num_points: int
+    encoding: str
+    classes: tuple[str, ...]
+    size: int
 
 
 def read_pcd(path: Path) -> Cloud:
@@ -28,104 +45,180 @@ def read_pcd(path: Path) -> Cloud:
         path: The file.
 
     Returns:
-        Its points; packed ``rgb`` becomes ``red``, ``green`` and ``blue``.
+        Its points; packed ``rgb`` becomes ``red``, ``green`` and ``blue``, padding is left out.
 
     Raises:
-        InputError: A damaged header, missing coordinates or fewer points than promised.
+        InputError: A damaged header, missing coordinates, fewer points than promised or data that do not parse.
     """
-    promised = _check_header(path)
-    import open3d as o3d
-
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        cloud = o3d.t.io.read_point_cloud(str(path), format="pcd")
-    found = len(cloud.point.positions) if "positions" in cloud.point else 0
-    if found != promised:
-        raise InputError(
-            path,
-            f"{promised:,} points promised, {found:,} readable",
-            "all of them",
-            "the file is damaged; copy it again",
-        )
+    data = path.read_bytes()
+    header = _parse_header(path, data)
+    if header.encoding == "ascii":
+        table = _read_ascii(path, data[header.size :], header)
+    elif header.encoding == "binary":
+        found = (len(data) - header.size) // header.dtype.itemsize
+        if found < header.num_points:
+            raise _cut_short(path, header.num_points, found)
+        table = np.frombuffer(data, header.dtype, header.num_points, header.size)
+    else:
+        table = _read_compressed(path, data[header.size :], header)
     columns: dict[str, NDArray[np.generic]] = {}
-    for name in sorted(cloud.point, key=lambda name: (name != "positions", name != "colors", name)):
-        array: NDArray[np.generic] = cloud.point[name].numpy()
-        parts = _SPLIT.get(name, ())
-        if len(parts) == array.shape[1]:
-            columns |= {part: array[:, column].copy() for column, part in enumerate(parts)}
-        elif array.shape[1] == 1:
-            columns[name] = array[:, 0].copy()
-    return Cloud(columns)
+    for name in header.dtype.names or ():
+        column = np.ascontiguousarray(table[name])
+        if name in _PACKED and column.dtype.itemsize == 4 and column.ndim == 1:
+            if not set(_COLOURS) & set(header.dtype.names or ()):
+                columns |= _unpack_colours(column, _PACKED[name])
+        elif not name.startswith(_PADDING + " "):
+            columns[name] = column
+    return Cloud(columns, header.classes)
 
 
-def write_pcd(path: Path, cloud: Cloud, *, encoding: str = "binary") -> None:
-    """Write a cloud as PCD.
+def write_pcd(file: BinaryIO, cloud: Cloud) -> None:
+    """Write a cloud as binary PCD; colours are packed into ``rgb``, booleans become bytes.
 
     Args:
-        path: Where; its name must end in ``.pcd``.
-        cloud: The points; every attribute becomes a field.
-        encoding: ``ascii``, ``binary`` or ``binary_compressed``.
+        file: Where to write.
+        cloud: The points; colours of more than 8 bits are also written as they are.
 
     Raises:
-        OutputError: The file cannot be written.
+        OutputError: An attribute that is not a number.
     """
-    import open3d as o3d
-
-    columns = dict(cloud.columns)
-    target = o3d.t.geometry.PointCloud()
-    for name, parts in _SPLIT.items():
-        if all(part in columns for part in parts):
-            joined = np.stack([columns.pop(part) for part in parts], axis=1)
-            target.point[name] = o3d.core.Tensor(joined.astype(_storable(joined.dtype)))
+    columns = {"_".join(name.split()): as_number(name, column) for name, column in cloud.columns.items()}
+    if set(_COLOURS) <= columns.keys() and (rgb := cloud.rgb) is not None:
+        red, green, blue = rgb.astype(np.uint32).T
+        columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
+        if all(columns[name].dtype == np.uint8 for name in _COLOURS):
+            columns = {name: column for name, column in columns.items() if name not in _COLOURS}
+    columns = {name: column.reshape(len(cloud), -1) for name, column in columns.items()}
+    dtype = [(name, column.dtype.newbyteorder("<"), column.shape[1:]) for name, column in columns.items()]
+    table = np.empty(len(cloud), dtype)
     for name, column in columns.items():
-        target.point[name] = o3d.core.Tensor(np.ascontiguousarray(column.astype(_storable(column.dtype))[:, None]))
-    options = {"write_ascii": encoding == "ascii", "compressed": encoding == "binary_compressed"}
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        if not o3d.t.io.write_point_cloud(str(path), target, **options):
-            raise OutputError(f"{path}: cannot be written; free space or choose another folder")
+        table[name] = column
+    kinds = {kind: letter for letter, kind in _KINDS.items()}
+    lines = ["# .PCD v0.7 - Point Cloud Data file format"]
+    lines += [_CLASSES_COMMENT + ",".join(cloud.classes)] * bool(cloud.classes)
+    lines += ["VERSION 0.7", f"FIELDS {' '.join(columns)}"]
+    lines += [f"SIZE {' '.join(str(column.dtype.itemsize) for column in columns.values())}"]
+    lines += [f"TYPE {' '.join(kinds[column.dtype.kind] for column in columns.values())}"]
+    lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
+    lines += [f"WIDTH {len(cloud)}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {len(cloud)}", "DATA binary"]
+    file.write(("\n".join(lines) + "\n").encode())
+    file.write(table.tobytes())
 
 
-def _storable(dtype: np.dtype[np.generic]) -> np.dtype[np.generic]:
-    return np.dtype(np.uint8) if dtype == np.bool_ else dtype.newbyteorder("=")
+def _unpack_colours(column: NDArray[np.generic], num_channels: int) -> dict[str, NDArray[np.generic]]:
+    packed = column.view("<u4")
+    shifts = dict(zip((*_COLOURS, "alpha")[:num_channels], (16, 8, 0, 24), strict=False))
+    return {name: (packed >> shift & 255).astype(np.uint8) for name, shift in shifts.items()}
 
 
-def _check_header(path: Path) -> int:
-    """Return how many points the header promises, having checked that the rest of the file can hold them."""
-    data = path.read_bytes()
-    match = re.search(rb"^DATA\s+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
+def _parse_header(path: Path, data: bytes) -> _Header:
+    """Parse and check the header up to and including its DATA line."""
+    match = re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if match is None:
         raise InputError(path, "no DATA line", "a PCD header", "the file is cut short or not PCD; copy it again")
-    lines = data[: match.start()].decode("latin-1").splitlines()
-    header = {words[0]: words[1:] for words in map(str.split, lines) if words and not words[0].startswith("#")}
+    lines = data[: match.start()].decode("utf-8", errors="replace").splitlines()
+    words = {line.split()[0]: line.split()[1:] for line in lines if line.strip() and not line.startswith("#")}
     encoding = match.group(1).decode("latin-1")
     if encoding not in _ENCODINGS:
         raise InputError(path, f"DATA {encoding}", f"one of {', '.join(_ENCODINGS)}", "convert the file")
+    missing = [axis for axis in "xyz" if axis not in words.get("FIELDS", "xyz")]
+    if missing:
+        raise InputError(path, f"no field {', '.join(missing)}", "x, y and z", "export the cloud with coordinates")
     try:
-        fields, sizes = header["FIELDS"], [int(size) for size in header["SIZE"]]
-        counts = [int(count) for count in header.get("COUNT", ["1"] * len(fields))]
-        points = int(header["POINTS"][0])
-        if not len(fields) == len(sizes) == len(counts) == len(header["TYPE"]) or min([points, *sizes, *counts]) < 0:
+        dtype, num_points = _dtype(words), int(words["POINTS"][0])
+        if num_points < 0 or any(dtype[axis].shape for axis in "xyz"):
             raise ValueError("counts")
     except (KeyError, ValueError, IndexError) as error:
         raise InputError(
             path, "a header that does not add up", "FIELDS, SIZE, TYPE, COUNT and POINTS", "export it again"
         ) from error
-    missing = [axis for axis in "xyz" if axis not in fields]
-    if missing:
-        raise InputError(path, f"no field {', '.join(missing)}", "x, y and z", "export the cloud with coordinates")
-    stride = sum(size * count for size, count in zip(sizes, counts, strict=True))
-    found = _available(data[match.end() :], encoding, stride)
-    if found < points:
+    names = [line.removeprefix(_CLASSES_COMMENT).strip() for line in lines if line.startswith(_CLASSES_COMMENT)]
+    return _Header(dtype, num_points, encoding, tuple(names[0].split(",")) if names else (), match.end())
+
+
+def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:
+    """Build the type of a point; KeyError or ValueError when the header makes no sense."""
+    fields, kinds, sizes = words["FIELDS"], words["TYPE"], [int(size) for size in words["SIZE"]]
+    counts = [int(count) for count in words.get("COUNT", ["1"] * len(fields))]
+    types: list[tuple[str, str, tuple[int, ...]]] = []
+    for number, (name, kind, size, count) in enumerate(zip(fields, kinds, sizes, counts, strict=True)):
+        if size not in _SIZES[kind] or not 0 < count < _MAX_HEADER:
+            raise ValueError(name)
+        unique = f"{_PADDING} {number}" if name == _PADDING else name  # padding repeats its name
+        types.append((unique, f"<{_KINDS[kind]}{size}", (count,) if count > 1 else ()))
+    return np.dtype(types)
+
+
+def _read_ascii(path: Path, body: bytes, header: _Header) -> NDArray[np.void]:
+    """Parse one line per point."""
+    lines = [line for line in body.split(b"\n") if line.strip()]
+    if len(lines) < header.num_points:
+        raise _cut_short(path, header.num_points, len(lines))
+    if header.num_points == 0:
+        return np.empty(0, header.dtype)
+    text = BytesIO(b"\n".join(lines[: header.num_points]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            table: NDArray[np.void] = np.loadtxt(text, header.dtype, comments=None, ndmin=1, encoding="latin-1")
+    except (ValueError, OverflowError, Warning) as error:
         raise InputError(
-            path, f"{points:,} points promised, {found:,} found", f"{points:,}", "the file is cut short; copy it again"
-        )
-    return points
+            path, f"point lines that do not parse ({error})", "a number for every field", "export the cloud again"
+        ) from error
+    return table
 
 
-def _available(body: bytes, encoding: str, stride: int) -> int:
-    """Count the points a file's body has room for."""
-    if encoding == "ascii":
-        return sum(1 for line in body.split(b"\n") if line.strip())
-    if encoding == "binary":
-        return len(body) // max(stride, 1)
-    compressed, size = np.frombuffer(body[:8].ljust(8, b"\0"), "<u4")
-    return int(size) // max(stride, 1) if len(body) - 8 >= compressed else 0
+def _read_compressed(path: Path, body: bytes, header: _Header) -> NDArray[np.void]:
+    """Decompress the body, which holds all points of the first field, then all of the second and so on."""
+    packed_size, size = np.frombuffer(body[:8].ljust(8, b"\0"), "<u4").tolist()
+    found = size // header.dtype.itemsize if len(body) - 8 >= packed_size else 0
+    if found < header.num_points:
+        raise _cut_short(path, header.num_points, found)
+    table = np.empty(header.num_points, header.dtype)
+    columns = np.empty(table.nbytes, np.uint8)
+    written = _decompress(np.frombuffer(body, np.uint8, packed_size, 8), columns)
+    if size != len(columns) or written != size:
+        raise InputError(path, "compressed data that do not unpack", f"{len(columns):,} bytes", "copy the file again")
+    start = 0
+    for name in header.dtype.names or ():
+        kind, shape = header.dtype[name].base, header.dtype[name].shape
+        column: NDArray[np.generic] = np.frombuffer(columns, kind, table[name].size, start)
+        table[name] = column.reshape(header.num_points, *shape)
+        start += column.nbytes
+    return table
+
+
+@njit(cache=True)
+def _decompress(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
+    """Unpack LZF into ``out``; return the bytes written, -1 when the data are damaged."""
+    source, target = 0, 0
+    while source < len(packed):
+        control = int(packed[source])
+        source += 1
+        if control < 32:  # a run of bytes as they are
+            length = control + 1
+            if source + length > len(packed) or target + length > len(out):
+                return -1
+            out[target : target + length] = packed[source : source + length]
+            source += length
+        else:  # a copy of earlier output, which may overlap itself
+            length = (control >> 5) + 2
+            if length == 9 and source < len(packed):
+                length += int(packed[source])
+                source += 1
+            if source >= len(packed):
+                return -1
+            start = target - ((control & 31) << 8) - int(packed[source]) - 1
+            source += 1
+            if start < 0 or target + length > len(out):
+                return -1
+            for offset in range(length):
+                out[target + offset] = out[start + offset]
+        target += length
+    return target
+
+
+def _cut_short(path: Path, promised: int, found: int) -> InputError:
+    return InputError(
+        path, f"{promised:,} points promised, {found:,} found", f"{promised:,}", "the file is cut short; copy it again"
+    )

@@ -3,6 +3,7 @@
 Source: Greg Turk, "The PLY Polygon File Format", 1994.
 """
 
+import re
 import warnings
 from dataclasses import dataclass
 from io import BytesIO
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.cloud import Cloud
+from mcpseg_cli.formats.cloud import Cloud, scalar_columns
 
 _DTYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -81,10 +82,15 @@ def read_ply(path: Path) -> Cloud:
 
 
 def write_ply(file: BinaryIO, cloud: Cloud) -> None:
-    """Write a cloud as binary little-endian PLY; 64-bit integers become doubles, booleans bytes."""
-    types = [(name, _storable(column.dtype)) for name, column in cloud.columns.items()]
+    """Write a cloud as binary little-endian PLY; 64-bit integers become doubles, booleans bytes.
+
+    Raises:
+        OutputError: An attribute that is not a number.
+    """
+    columns = {"_".join(name.split()): column for name, column in scalar_columns(cloud.columns).items()}
+    types = [(name, _storable(column.dtype)) for name, column in columns.items()]
     table = np.empty(len(cloud), np.dtype([(name, "<" + dtype) for name, dtype in types]))
-    for name, column in cloud.columns.items():
+    for name, column in columns.items():
         table[name] = column
     lines = ["ply", "format binary_little_endian 1.0"]
     lines += [f"comment {_CLASSES_COMMENT}{','.join(cloud.classes)}"] * bool(cloud.classes)
@@ -99,20 +105,18 @@ def write_ply(file: BinaryIO, cloud: Cloud) -> None:
 
 def _storable(dtype: np.dtype[np.generic]) -> str:
     """Name the PLY type, as numpy spells it, that holds ``dtype``."""
-    code = dtype.str[1:]
-    return code if code in _NAMES else {"b1": "u1", "f2": "f4"}.get(code, "f8")
+    return dtype.str[1:] if dtype.str[1:] in _NAMES else "f8"
 
 
 def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse the header up to and including ``end_header``."""
     if not data.startswith(b"ply"):
         raise InputError(path, f"starts with {data[:8]!r}", "the word 'ply'", "check that this is a PLY file")
-    end = data.find(b"end_header", 0, _MAX_HEADER)
-    line_end = data.find(b"\n", end)
-    if end < 0 or line_end < 0:
+    end = re.search(rb"^end_header[ \t\r]*\n", data[:_MAX_HEADER], re.MULTILINE)
+    if end is None:
         raise InputError(path, "no end_header", "a complete header", "the file is cut short or not PLY; copy it again")
-    text = data[:end].decode("latin-1")
-    header = _Header("", [], (), line_end + 1)
+    text = data[: end.start()].decode("utf-8", errors="replace")
+    header = _Header("", [], (), end.end())
     for number, line in enumerate(text.splitlines()[1:], start=2):
         try:
             _parse_header_line(header, line.split(), line)
@@ -168,6 +172,8 @@ def _read_binary(path: Path, data: bytes, header: _Header, position: int) -> NDA
     is_last = position == len(header.elements) - 1
     if available < vertex.count or (is_last and available > vertex.count):
         raise _miscounted(path, vertex.count, available)
+    if vertex.count == 0:
+        return np.empty(0, dtype.newbyteorder("="))
     table: NDArray[np.void] = np.frombuffer(data, dtype, vertex.count, start)
     return table.astype(dtype.newbyteorder("="))
 

@@ -1,0 +1,84 @@
+"""Parity with the MCPNet authors' program: their weights, their network outputs, their results on a building."""
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from mcpseg_cli.cli import app
+from mcpseg_cli.evaluation import evaluate_run
+from mcpseg_cli.tensor_bundle import import_checkpoint
+
+_CHECKPOINTS = {
+    "mcpnet_1": "mcpnet_model_s3dis_1",
+    "mcpnet_5": "mcpnet_model_s3dis_5",
+    "mcpnet_simple_5": "mcpnet_simple_model_s3dis_5",
+}
+
+
+@pytest.mark.parametrize("name", _CHECKPOINTS)
+def test_network_outputs_equal_the_authors(shared_folder, name):
+    answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
+    network, _ = import_checkpoint(shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt")
+    context = torch.from_numpy(answers["context"]) if network.has_context else None
+    with torch.inference_mode():
+        embedding, logits = network(torch.from_numpy(answers["center"]), context)
+    np.testing.assert_allclose(embedding.numpy(), answers[f"{name}_embedding"], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(logits.numpy(), answers[f"{name}_logits"], rtol=0, atol=1e-4)
+
+
+def segment_building(shared_folder, tmp_path, area: int, precision: str) -> None:
+    checkpoint = shared_folder / f"reference/checkpoints/mcpnet_model_s3dis_{area}.ckpt"
+    weights, building = tmp_path / f"area{area}.safetensors", shared_folder / "reference/building"
+    options = ["--floor", "scan-min", "--precision", precision, "-q"]
+    for arguments in (
+        ["import-weights", str(checkpoint), "-o", str(weights), "--overwrite"],
+        [
+            "segment",
+            f"{building}/scans",
+            f"{building}/poses.csv",
+            "-o",
+            f"{tmp_path}/{precision}",
+            "-w",
+            str(weights),
+            *options,
+        ],
+    ):
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 0, result.stderr
+
+
+@pytest.mark.parametrize(("area", "accuracy", "nmi", "instances"), [(5, 0.784, 0.862, 1016), (1, 0.748, 0.874, 793)])
+def test_results_on_the_building_are_the_authors(shared_folder, tmp_path, area, accuracy, nmi, instances):
+    segment_building(shared_folder, tmp_path, area, "fp32")
+    scores = evaluate_run(tmp_path / "fp32", shared_folder / "reference/building/gt").document()
+    assert scores["points"] == scores["covered"] == 26754
+    assert scores["point_accuracy"] == pytest.approx(accuracy, abs=0.01)
+    assert scores["nmi"] == pytest.approx(nmi, abs=0.015)
+    assert scores["objects_pred"] == pytest.approx(instances, rel=0.10)
+
+
+def test_bf16_labels_agree_with_fp32_on_99_voxels_of_100(shared_folder, tmp_path):
+    from mcpseg_cli.formats import read_cloud
+
+    segment_building(shared_folder, tmp_path, 5, "fp32")
+    segment_building(shared_folder, tmp_path, 5, "bf16")
+    exact = read_cloud(tmp_path / "fp32/map.ply").label("semantic")
+    rough = read_cloud(tmp_path / "bf16/map.ply").label("semantic")
+    assert (exact == rough).mean() >= 0.99
+
+
+def test_the_authors_own_answers_score_what_they_reported(shared_folder, tmp_path):
+    from mcpseg_cli.classes import MCPNET_CLASSES
+    from mcpseg_cli.formats import Cloud, write_cloud
+
+    answers = np.load(shared_folder / "reference/building/authors_mcpnet_5_voxels.npz", allow_pickle=False)
+    columns = {axis: answers["xyz"][:, column] for column, axis in enumerate("xyz")}
+    columns |= {"semantic": answers["semantic"], "instance": answers["instance"]}
+    write_cloud(tmp_path / "authors.ply", Cloud(columns, MCPNET_CLASSES))
+    scores = evaluate_run(tmp_path / "authors.ply", shared_folder / "reference/building/gt").document()
+    assert scores["point_accuracy"] == pytest.approx(0.784, abs=0.0005)
+    assert scores["nmi"] == pytest.approx(0.862, abs=0.0005)
+    assert scores["ari"] == pytest.approx(0.749, abs=0.0005)
+    assert scores["miou_present"] == pytest.approx(0.564, abs=0.0005)
+    assert (scores["objects_pred"], scores["objects_true"]) == (1016, 51)
