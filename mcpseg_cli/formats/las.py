@@ -20,14 +20,10 @@ _COLOURS = ("red", "green", "blue")
 _NAME_BYTES = 32  # of an extra dimension
 _HEADER_1_0, _HEADER_1_4, _RECORD, _EXTENDED_RECORD = 227, 375, 54, 60  # bytes (LAS 1.4, tables 3 and 9)
 _COMPRESSED = 0x80  # bit of the point format
-_DAMAGE = (
-    laspy.LaspyException,
-    LazrsError,
-    ValueError,
-    EOFError,
-    OverflowError,
-    MemoryError,
-)  # what laspy raises for it
+_DAMAGE = (  # what laspy and lazrs raise for damaged files
+    laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError, ArithmeticError,
+    MemoryError, struct.error,
+)  # fmt: skip
 _CLASSES_RECORD = ("mcpseg", 1)
 
 
@@ -86,7 +82,7 @@ def _check_counts(path: Path) -> None:
 
 
 def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
-    """Refuse a LAZ whose table promises more chunks than it has bytes: lazrs would end the process for want of memory."""
+    """Refuse a LAZ that promises more chunks than it has bytes: lazrs would end the process for want of memory."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(start)

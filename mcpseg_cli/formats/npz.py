@@ -79,9 +79,10 @@ def _load(path: Path) -> dict[str, NDArray[np.generic]]:
     """Load every array of the archive into memory."""
     data = BytesIO(path.read_bytes())
     try:
-        with np.load(data, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise InputError(path, "a single array", "an NPZ archive", "save it with numpy.savez")
+        archive = np.load(data, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise InputError(path, "a single array", "an NPZ archive", "save it with numpy.savez")
+        with archive:
             return {name: archive[name] for name in archive.files}
     except _DAMAGE as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__

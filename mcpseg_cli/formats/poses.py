@@ -109,8 +109,11 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
             )
     scans = None
     if "scan" in header:
-        scans = tuple(words.pop(header.index("scan")) for _, words in rows)
-        header.remove("scan")
+        place = header.index("scan")
+        scans = tuple(words[place] for _, words in rows)
+        rows = [
+            (number, [*words[:place], "0", *words[place + 1 :]]) for number, words in rows
+        ]  # columns keep their number
         if len(set(scans)) != len(scans):
             repeated = next(name for name in scans if scans.count(name) > 1)
             raise InputError(

@@ -1,5 +1,7 @@
 """MCPNet (III-B, III-C, figure 3): class and instance branch over points with multi-view context pooling."""
 
+from concurrent.futures import Executor
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -40,24 +42,30 @@ class MCPNet(nn.Module):
         """
         return self.label(centre, None if context is None else self.pool_context(context))
 
-    def pool_context(self, context: Tensor) -> Tensor:
+    def pool_context(self, context: Tensor, workers: Executor | None = None) -> Tensor:
         """Multi-view context pooling: two layers on every context point, then the maximum over each centre's points.
 
-        A maximum commutes with adding a bias and with ReLU, so both follow it, exactly; at inference the points pass
-        through in tiles that stay in cache.
+        A maximum commutes with adding a bias and with ReLU, so both follow it, exactly. At inference on the
+        processor the points pass through in tiles that stay in cache, the same tiles whatever the number of workers.
 
         Args:
             context: (N, K, 6).
+            workers: Threads to share the tiles among; None for this one. Threads that meet once per call stand a busy
+                machine far better than operations that each wait for all cores.
 
         Returns:
             (N, 200) float32.
         """
-        if torch.is_grad_enabled():
-            return self._pool_tile(context)
+        if torch.is_grad_enabled() or context.device.type != "cpu":
+            return self._pool(context)
         tiles = torch.split(context, max(1, _TILE_ROWS // context.shape[1]))
-        return torch.cat([self._pool_tile(tile) for tile in tiles])
+        return torch.cat(list(map(self._pool_tile, tiles) if workers is None else workers.map(self._pool_tile, tiles)))
 
+    @torch.inference_mode()
     def _pool_tile(self, context: Tensor) -> Tensor:
+        return self._pool(context)
+
+    def _pool(self, context: Tensor) -> Tensor:
         weight = self.context_2.weight
         points = context.reshape(-1, NUM_FEATURES).to(weight.dtype)  # (N·K, 6)
         points = functional.relu_(self.context_1(points))  # (N·K, 200)

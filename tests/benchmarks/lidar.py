@@ -1,0 +1,95 @@
+"""One hundred synthetic lidar sweeps of 130,000 points: sweeps per second, all inclusive.
+
+    python -m tests.benchmarks.lidar [--range 5] [--weights smoke-test]
+
+A 64-beam spinning lidar drives through a long hall with pillars; sweeps are binary PLY with intensity and ring.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.formats import Cloud, write_cloud
+from mcpseg_cli.recording import ScanFile
+from mcpseg_cli.segment_run import RunOptions, SegmentRun
+from mcpseg_cli.segmenter import IncrementalSegmenter
+from mcpseg_cli.weights import find_weights, load_weights
+
+NUM_SWEEPS = 100
+BEAMS, COLUMNS = 64, 2032  # 130,048 points a sweep
+HALL = np.array([[-500.0, -6.0, 0.0], [500.0, 6.0, 5.0]])
+STEP = 0.5  # metres between sweeps: 5 m/s at 10 Hz
+
+
+def sweep(number: int) -> tuple[Cloud, np.ndarray]:
+    """Cast the rays of one sweep from inside the hall onto its walls and pillars."""
+    rng = np.random.default_rng(number)
+    robot = np.array([number * STEP - 25.0, 0.3, 1.6])
+    elevation = np.deg2rad(np.linspace(-30, 14.9, BEAMS))[:, None]
+    azimuth = np.linspace(0, 2 * np.pi, COLUMNS, endpoint=False)[None, :] + 1e-3
+    rays = np.stack(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation) + 0 * azimuth],
+        axis=2,
+    ).reshape(-1, 3)
+    with np.errstate(divide="ignore"):
+        reach = np.where(rays > 0, (HALL[1] - robot) / rays, (HALL[0] - robot) / rays).min(axis=1)
+    for x in np.arange(-40, 60, 5.0):  # pillars of 0.4 m
+        for y in (-3.0, 3.0):
+            offset = np.array([x, y]) - robot[:2]
+            along = (rays[:, :2] @ offset) / np.maximum((rays[:, :2] ** 2).sum(axis=1), 1e-12)
+            apart = np.abs(rays[:, 0] * offset[1] - rays[:, 1] * offset[0]) / np.linalg.norm(rays[:, :2], axis=1)
+            hit = (apart < 0.4) & (along > 0)
+            reach[hit] = np.minimum(reach[hit], along[hit])
+    xyz = (robot + rays * (reach + rng.normal(0, 0.01, len(reach)))[:, None]).astype(np.float32)
+    columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
+    columns |= {
+        "intensity": rng.random(len(xyz), np.float32),
+        "ring": np.repeat(np.arange(BEAMS), COLUMNS).astype(np.uint16),
+    }
+    pose = np.eye(4)
+    pose[:3, 3] = robot
+    return Cloud(columns), pose
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--range", type=float, default=5.0)
+    parser.add_argument("--weights", default="smoke-test")
+    arguments = parser.parse_args()
+    weights = load_weights(find_weights(arguments.weights))
+    with tempfile.TemporaryDirectory() as name:
+        recording = []
+        for number in range(NUM_SWEEPS):
+            cloud, pose = sweep(number)
+            path = Path(name) / f"{number:04d}.ply"
+            write_cloud(path, cloud)
+            recording.append(ScanFile(path, pose))
+        for output, sources in (("warm", recording[:3]), ("out", recording)):
+            segmenter = IncrementalSegmenter(weights, SegmentSettings(local_range=arguments.range))
+            with SegmentRun(sources, Path(name) / output, weights, segmenter, RunOptions()) as run:
+                reports = list(run.run())
+    ms = np.array([report.ms for report in reports])
+    stages = {
+        stage: float(np.median([report.update.ms[stage] for report in reports])) for stage in reports[0].update.ms
+    }
+    figures = {
+        "sweeps_per_second": 1e3 * len(ms) / ms.sum(),
+        "median_ms": float(np.median(ms)),
+        "p95_ms": float(np.percentile(ms, 95)),
+        "points_per_sweep": BEAMS * COLUMNS,
+        "points_in_range": float(np.mean([(report.update.point_ids >= 0).sum() for report in reports])),
+        "new_voxels_per_sweep": float(np.mean([report.update.num_new for report in reports])),
+        "stages_ms": {stage: round(value, 2) for stage, value in stages.items()},
+    }
+    print(json.dumps(figures, indent=1))
+
+
+if __name__ == "__main__":
+    main()

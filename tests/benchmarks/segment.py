@@ -1,0 +1,108 @@
+"""Time per scan on the reference building, all inclusive, and of the network stage alone.
+
+    python -m tests.benchmarks.segment SHARED [--threads 2] [--repeat 3]
+
+SHARED is the folder with ``reference/``. Every scan is read, labelled, committed and written; nothing is left out. The
+network stage is timed at 256 new points in fp32 and bf16, in the same run, beside the two matrix products that bound it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import torch
+
+from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.recording import open_recording
+from mcpseg_cli.segment_run import RunOptions, SegmentRun
+from mcpseg_cli.segmenter import IncrementalSegmenter, _one_thread_per_operation
+from mcpseg_cli.tensor_bundle import import_checkpoint
+from mcpseg_cli.weights import Weights, load_weights, save_weights
+
+
+def run_building(
+    building: Path, weights: Weights, precision: str, num_scans: int | None = None
+) -> dict[str, list[float]]:
+    """Segment the building once; milliseconds of every scan, in all and by stage."""
+    recording = open_recording(building / "scans", building / "poses.csv")[:num_scans]
+    segmenter = IncrementalSegmenter(weights, SegmentSettings(floor="scan-min"), precision=precision)
+    ms: dict[str, list[float]] = {"total": []}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        SegmentRun(recording, Path(folder) / "out", weights, segmenter, RunOptions()) as run,
+    ):
+        for report in run.run():
+            ms["total"].append(report.ms)
+            for stage, value in report.update.ms.items():
+                ms.setdefault(stage, []).append(value)
+    return ms
+
+
+def median_ms(function, repeat: int = 200) -> float:
+    times = []
+    for _ in range(repeat):
+        started = perf_counter()
+        function()
+        times.append(1e3 * (perf_counter() - started))
+    return float(np.median(times))
+
+
+@torch.inference_mode()
+def network_stage(weights: Weights) -> dict[str, float]:
+    """Milliseconds of pooling and labelling 256 points with 50 context points each, and of its matrix products alone."""
+    centre, context = torch.randn(256, 6), torch.randn(256, 50, 6)
+    figures = {}
+    for name, dtype in (("fp32", torch.float32), ("bf16", torch.bfloat16)):
+        segmenter = IncrementalSegmenter(weights, precision=name)
+        network, workers = segmenter._network, segmenter._workers
+        points, layer = context.reshape(-1, 6).to(dtype), torch.randn(6, 200, dtype=dtype)
+        hidden, square = torch.randn(12800, 200, dtype=dtype), torch.randn(200, 200, dtype=dtype)
+        with _one_thread_per_operation():
+            figures[f"{name} stage"] = median_ms(
+                lambda network=network, workers=workers: network.label(centre, network.pool_context(context, workers))
+            )
+        figures[f"{name} products alone"] = median_ms(
+            lambda points=points, layer=layer, hidden=hidden, square=square: (points @ layer, hidden @ square)
+        )
+    return figures
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("shared", type=Path)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--repeat", type=int, default=3)
+    arguments = parser.parse_args()
+    torch.set_num_threads(arguments.threads)
+    reference = arguments.shared / "reference"
+    poses = len(read_poses(reference / "building/poses.csv"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "area5.safetensors"
+        save_weights(path, *import_checkpoint(reference / "checkpoints/mcpnet_model_s3dis_5.ckpt"))
+        weights = load_weights(path)
+    run_building(reference / "building", weights, "fp32", 5)  # compile the kernels
+    figures: dict[str, object] = {
+        "scans": poses,
+        "threads": arguments.threads,
+        "network_ms_at_256": network_stage(weights),
+    }
+    for precision in ("fp32", "bf16"):
+        runs = [run_building(reference / "building", weights, precision) for _ in range(arguments.repeat)]
+        best = min(runs, key=lambda run: np.median(run["total"]))
+        figures[precision] = {
+            "median_ms": [round(float(np.median(run["total"])), 2) for run in runs],
+            "p95_ms": [round(float(np.percentile(run["total"], 95)), 2) for run in runs],
+            "stages_ms": {stage: round(float(np.median(values)), 2) for stage, values in best.items()},
+        }
+    print(json.dumps(figures, indent=1))
+
+
+if __name__ == "__main__":
+    main()
