@@ -19,7 +19,6 @@ from mcpseg_cli.config import Frame, SegmentSettings
 from mcpseg_cli.errors import InputError, OutputError, StateError
 from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud
 from mcpseg_cli.labelled_map import LabelledMap
-from mcpseg_cli.objects import list_objects
 from mcpseg_cli.recording import ScanFile, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.state import ScanRecord, State
@@ -149,7 +148,7 @@ class SegmentRun:
 
     def write_objects(self) -> None:
         """Write objects.json from the map as it is now."""
-        objects = list_objects(self.segmenter.rows(), self.segmenter.info.classes)
+        objects = self.segmenter.objects()
         _replace_text(self.output / "objects.json", json.dumps([asdict(item) for item in objects], indent=1) + "\n")
 
     def _finish_scan(

@@ -21,6 +21,7 @@ from mcpseg_cli.context import context_input, network_input
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.floor import floor_height
 from mcpseg_cli.formats.cloud import Labels
+from mcpseg_cli.objects import MapObject, list_objects
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.state import MapRows
 from mcpseg_cli.voxel_map import VoxelMap
@@ -63,7 +64,8 @@ class IncrementalSegmenter:
     Args:
         weights: Network and class table.
         settings: Everything else that decides the labels.
-        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16 where the processor computes it natively.
+        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
+            where the processor computes it natively.
         device: Where the network runs, as torch names it.
 
     Raises:
@@ -164,6 +166,10 @@ class IncrementalSegmenter:
         semantic[known], confidence[known] = self.semantic[ids], self.confidence[ids]
         instance[known] = self.clusters.instance[ids]
         return Labels(semantic, instance, confidence, self.info.classes)
+
+    def objects(self) -> list[MapObject]:
+        """Take stock of the objects of the map as known now; the cost grows with the map."""
+        return list_objects(self.rows(), self.info.classes)
 
     def rows(self, start: int = 0) -> MapRows:
         """Give the map's rows from voxel ``start`` on. Views, valid until the next scan."""

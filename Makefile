@@ -1,0 +1,40 @@
+# make demo   install into .venv and label the bundled example
+# make test   install into .venv, lint, check types and run every test
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out/office_walk
+
+.PHONY: demo test lint benchmark clean
+.DELETE_ON_ERROR:
+
+$(VENV)/installed: pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "mcpseg needs Python 3.11 or newer; set PYTHON=")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+$(VENV)/installed-test: $(VENV)/installed
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@
+
+demo: $(VENV)/installed
+	$(BIN)/mcpseg segment examples/office_walk/scans examples/office_walk/poses.csv -o $(OUT)
+	$(BIN)/mcpseg eval $(OUT) examples/office_walk/gt
+	@echo; echo "Made in $(OUT):"; cd $(OUT) && ls -l map.ply objects.json events.jsonl run.json state.sqlite && ls scans | wc -l | xargs echo "labelled scans in scans/:"
+	@echo "Open $(OUT)/map.ply in CloudCompare, MeshLab or Open3D."
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/pytest
+
+benchmark: $(VENV)/installed-test
+	$(BIN)/python -m tests.benchmarks.lidar
+	$(BIN)/python -m tests.benchmarks.scale --voxels 500000
+
+clean:
+	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
