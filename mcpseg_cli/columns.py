@@ -8,8 +8,13 @@ from numpy.typing import NDArray
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
+RESERVED_ROWS = 1 << 22
+"""Rows asked for at first. Memory is given by the page on first touch, so that unused rows cost nothing and a map does
+not stop to copy itself until it has four million voxels; from there on capacity doubles."""
+
+
 class Column(Generic[ScalarT]):
-    """Rows that are appended; capacity doubles, so that an append costs O(rows appended) on average.
+    """Rows that are appended; an append costs O(rows appended), on average even while capacity doubles.
 
     Args:
         dtype: Type of an element.
@@ -17,7 +22,7 @@ class Column(Generic[ScalarT]):
     """
 
     def __init__(self, dtype: type[ScalarT], *shape: int) -> None:
-        self._data: NDArray[ScalarT] = np.empty((1024, *shape), dtype)
+        self._data: NDArray[ScalarT] = np.empty((RESERVED_ROWS, *shape), dtype)
         self._count = 0
 
     @property

@@ -68,10 +68,14 @@ def open_recording(directory: Path, poses_path: Path) -> list[ScanFile]:
         The scans in natural order.
 
     Raises:
-        InputError: Names the scan without a pose, the pose without a scan, or the two counts.
+        InputError: Names the scan without a pose, the pose without a scan, the two counts, or a position too far out.
     """
     paths = list_clouds(directory)
     table = read_poses(poses_path)
+    farthest = np.abs(table.poses[:, :3, 3]).max()
+    if farthest >= MAX_COORDINATE:
+        remedy = "subtract a common offset from scans and poses, or convert millimetres to metres"
+        raise InputError(poses_path, f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m", remedy)
     if table.scans is None:
         if len(table) != len(paths):
             raise InputError(

@@ -8,13 +8,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.columns import Column
+from mcpseg_cli.columns import RESERVED_ROWS, Column
 from mcpseg_cli.config import ContextWindow
 from mcpseg_cli.grid import voxel_of
 
 _EMPTY = -1
 _BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
-_FIRST_BLOCKS = 1 << 10
+_RESERVED_BLOCKS = RESERVED_ROWS // 8  # surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
+_FIRST_KEYS = 1 << 12
 _CELLS_REACH = 3  # cells from a point to its context points (III-B)
 _NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
 NUM_NEIGHBOURS = 26
@@ -31,10 +32,10 @@ class VoxelMap:
         self.voxel_size = voxel_size
         self._xyz = Column(np.float32, 3)
         self._rgb = Column(np.uint8, 3)
-        self._block_ids = np.full((_FIRST_BLOCKS, 64), _EMPTY, np.int32)
+        self._block_ids = np.zeros((_RESERVED_BLOCKS, 64), np.int32)  # id + 1, 0 for none: untouched memory is zero
         self._num_blocks = 0
-        self._keys = np.full(4 * _FIRST_BLOCKS, _EMPTY, np.int64)
-        self._slots = np.empty(4 * _FIRST_BLOCKS, np.int32)
+        self._keys = np.full(_FIRST_KEYS, _EMPTY, np.int64)
+        self._slots = np.empty(_FIRST_KEYS, np.int32)
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -148,8 +149,12 @@ class VoxelMap:
             raise ValueError("two points in one voxel")
 
     def _grow(self) -> None:
-        """Double the room for blocks."""
-        self._block_ids = np.concatenate([self._block_ids, np.full_like(self._block_ids, _EMPTY)])
+        """Double what is full: the blocks, or the hash table, which is kept at most half full."""
+        if self._num_blocks == len(self._block_ids):
+            grown = np.zeros((2 * len(self._block_ids), 64), np.int32)
+            grown[: self._num_blocks] = self._block_ids
+            self._block_ids = grown
+            return
         keys = np.full(2 * len(self._keys), _EMPTY, np.int64)
         slots = np.empty(2 * len(self._slots), np.int32)
         _rehash(self._keys, self._slots, keys, slots)
@@ -206,24 +211,24 @@ def _cell(x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _insert_points(voxel, done, count, start, num_blocks, keys, slots, block_ids, ids, first_point):  # type: ignore[no-untyped-def]
-    """Insert voxels from ``done`` on; stops early when the blocks are full."""
+    """Insert voxels from ``done`` on; stops early when the blocks or the hash table are full."""
     for i in range(done, voxel.shape[0]):
         x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
         key = _key(x >> 2, y >> 2, z >> 2)
         slot = _probe(keys, key)
         if keys[slot] == _EMPTY:
-            if num_blocks == block_ids.shape[0]:
+            if num_blocks == block_ids.shape[0] or 2 * num_blocks >= keys.size:
                 return i, count, num_blocks
             keys[slot] = key
             slots[slot] = num_blocks
             num_blocks += 1
         block = slots[slot]
         cell = _cell(x, y, z)
-        if block_ids[block, cell] == _EMPTY:
-            block_ids[block, cell] = count
+        if block_ids[block, cell] == 0:
             first_point[count - start] = i
             count += 1
-        ids[i] = block_ids[block, cell]
+            block_ids[block, cell] = count
+        ids[i] = block_ids[block, cell] - 1
     return voxel.shape[0], count, num_blocks
 
 
@@ -243,7 +248,7 @@ def _find_voxels(voxel, keys, slots, block_ids):  # type: ignore[no-untyped-def]
         x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
         block = _find_block(x >> 2, y >> 2, z >> 2, keys, slots)
         if block != _EMPTY:
-            ids[i] = block_ids[block, _cell(x, y, z)]
+            ids[i] = block_ids[block, _cell(x, y, z)] - 1
     return ids
 
 
@@ -261,7 +266,7 @@ def _gather_box(low, shape, keys, slots, block_ids):  # type: ignore[no-untyped-
                 for x in range(max(low[0], bx << 2), min(high[0], (bx + 1) << 2)):
                     for y in range(max(low[1], by << 2), min(high[1], (by + 1) << 2)):
                         for z in range(max(low[2], bz << 2), min(high[2], (bz + 1) << 2)):
-                            grid[x - low[0], y - low[1], z - low[2]] = block_ids[block, _cell(x, y, z)]
+                            grid[x - low[0], y - low[1], z - low[2]] = block_ids[block, _cell(x, y, z)] - 1
     return grid
 
 

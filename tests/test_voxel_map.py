@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcpseg_cli import voxel_map
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.voxel_map import VoxelMap, context_window
 from tests import reference
@@ -32,26 +33,28 @@ def test_every_point_finds_the_voxel_its_slow_twin_finds(seed, num_points, sprea
 
 
 def test_the_first_point_of_a_voxel_stays_its_point():
-    voxel_map = VoxelMap(0.1)
+    small = VoxelMap(0.1)
     points = np.array([[0.01, 0, 0], [0.02, 0, 0], [0.31, 0, 0]], np.float32)
     colours = np.array([[1, 1, 1], [2, 2, 2], [3, 3, 3]], np.uint8)
-    assert voxel_map.insert(points, colours).tolist() == [0, 0, 1]
-    np.testing.assert_array_equal(voxel_map.xyz, points[[0, 2]])
-    np.testing.assert_array_equal(voxel_map.rgb, colours[[0, 2]])
+    assert small.insert(points, colours).tolist() == [0, 0, 1]
+    np.testing.assert_array_equal(small.xyz, points[[0, 2]])
+    np.testing.assert_array_equal(small.rgb, colours[[0, 2]])
 
 
-def test_growing_past_the_first_blocks_keeps_every_voxel():
+def test_growing_past_the_first_blocks_keeps_every_voxel(monkeypatch):
+    monkeypatch.setattr(voxel_map, "_RESERVED_BLOCKS", 1000)
     points = random_points(1, 60_000, 20.0)
     fast, slow, fast_ids, slow_ids = filled(points)
-    assert len(fast._block_ids) > 1024
+    assert len(fast._block_ids) > 10_000
+    assert len(fast._keys) > 2 * fast._num_blocks
     assert fast_ids == slow_ids
     assert fast.find(points).tolist() == slow_ids
 
 
 def test_find_says_minus_one_where_the_map_is_empty():
-    voxel_map = VoxelMap(0.1)
-    voxel_map.insert(np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8))
-    assert voxel_map.find(np.array([[0, 0, 0], [0, 0, 9]], np.float32)).tolist() == [0, -1]
+    small = VoxelMap(0.1)
+    small.insert(np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8))
+    assert small.find(np.array([[0, 0, 0], [0, 0, 9]], np.float32)).tolist() == [0, -1]
 
 
 @settings(max_examples=20, deadline=None)

@@ -174,7 +174,7 @@ def _from_matrices(path: Path, numbers: list[int], rows: NDArray[np.float64]) ->
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :] = rows.reshape(-1, 3, 4)
     rotation = poses[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         residual = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
         mirrored = np.linalg.det(rotation) < 0
     wrong = np.flatnonzero(~(residual < _UNIT_TOLERANCE) | mirrored)

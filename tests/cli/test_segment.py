@@ -1,0 +1,240 @@
+"""``mcpseg segment`` and ``mcpseg eval`` as people type them."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mcpseg_cli.cli import app
+from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+
+REPOSITORY = Path(__file__).parents[2]
+WALK = REPOSITORY / "examples/office_walk"
+
+
+def invoke(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def segment(recording, output, weights_path, *options: object):
+    scans, poses = recording
+    return invoke("segment", scans, poses, "-o", output, "-w", weights_path, *options)
+
+
+@pytest.fixture
+def recording(make_recording, tmp_path):
+    return make_recording(tmp_path / "input")
+
+
+def test_json_is_one_document_on_stdout_with_the_promised_keys(recording, tmp_path, weights_path):
+    result = segment(recording, tmp_path / "out", weights_path, "--json")
+    document = json.loads(result.stdout)
+    assert {"scans", "voxels", "objects", "ms_per_scan", "peak_memory_mb", "resumed_from"} <= set(document)
+    assert document["scans"] == 4
+    assert document["voxels"] == len(read_cloud(tmp_path / "out/map.ply"))
+    assert set(document["ms_per_scan"]) == {"p50", "p95", "max"}
+    assert (result.exit_code, result.stderr) == (0, "")
+
+
+def test_the_table_goes_to_stdout_as_plain_text_when_it_is_no_terminal(recording, tmp_path, weights_path):
+    result = segment(recording, tmp_path / "out", weights_path)
+    assert re.search(r"^scans +4$", result.stdout, re.MULTILINE)
+    assert "\x1b" not in result.stdout
+
+
+def test_running_again_with_nothing_new_says_so_and_exits_0(recording, tmp_path, weights_path):
+    segment(recording, tmp_path / "out", weights_path)
+    before = (tmp_path / "out/map.ply").stat().st_mtime_ns
+    result = segment(recording, tmp_path / "out", weights_path)
+    assert result.exit_code == 0
+    assert "nothing new: all 4 scans are labelled" in result.stderr
+    assert (tmp_path / "out/map.ply").stat().st_mtime_ns == before
+
+
+def test_overwrite_starts_again_with_other_settings(recording, tmp_path, weights_path):
+    segment(recording, tmp_path / "out", weights_path)
+    refused = segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2)
+    assert refused.exit_code == 1
+    assert "voxel_size 0.1, now 0.2" in refused.stderr
+    assert segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2, "--overwrite").exit_code == 0
+
+
+def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, weights_path):
+    scans, poses = make_recording(tmp_path / "map_frame")
+    sensor = tmp_path / "sensor_frame"
+    sensor.mkdir()
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    lines = []
+    for number, path in enumerate(sorted(scans.iterdir())):
+        cloud, robot = read_cloud(path), np.array([0.4 * number, 0.0, 0.5])
+        local = (cloud.xyz.astype(np.float64) - robot) @ turn
+        write_cloud(sensor / path.name, Cloud(cloud.columns | {axis: local[:, i] for i, axis in enumerate("xyz")}))
+        matrix = np.column_stack([turn, robot])
+        lines.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
+    (tmp_path / "kitti.txt").write_text("\n".join(lines) + "\n")
+    segment((scans, poses), tmp_path / "a", weights_path)
+    result = segment((sensor, tmp_path / "kitti.txt"), tmp_path / "b", weights_path, "--frame", "sensor")
+    assert result.exit_code == 0
+    np.testing.assert_allclose(
+        read_cloud(tmp_path / "b/map.ply").xyz, read_cloud(tmp_path / "a/map.ply").xyz, rtol=0, atol=1e-5
+    )
+    kept = read_cloud(tmp_path / "b/scans/000001.ply")
+    np.testing.assert_array_equal(kept.xyz, read_cloud(sensor / "000001.ply").xyz)
+
+
+def test_a_scan_without_colour_is_labelled_as_grey(make_recording, tmp_path, weights_path):
+    result = segment(make_recording(tmp_path / "input", colour=False), tmp_path / "out", weights_path)
+    assert result.exit_code == 0
+    assert np.unique(read_cloud(tmp_path / "out/map.ply").rgb).tolist() == [128]
+
+
+@pytest.mark.parametrize("floor", ["scan-min", "0.25", "-1"])
+def test_the_floor_can_be_chosen(recording, tmp_path, weights_path, floor):
+    segment(recording, tmp_path / "out", weights_path, "--floor", floor)
+    events = [json.loads(line) for line in (tmp_path / "out/events.jsonl").read_text().splitlines()]
+    lowest = read_cloud(sorted(recording[0].iterdir())[0]).xyz[:, 2].min()
+    assert events[0]["floor"] == pytest.approx(lowest if floor == "scan-min" else float(floor), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "options", [["--voxel-size", "0"], ["--floor", "cellar"], ["--range", "-1"], ["--frame", "moon"], ["--seed", "-1"]]
+)
+def test_wrong_usage_exits_2(recording, tmp_path, weights_path, options):
+    assert segment(recording, tmp_path / "out", weights_path, *options).exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_device_is_one_line(recording, tmp_path, weights_path):
+    result = segment(recording, tmp_path / "out", weights_path, "--device", "abacus")
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(recording, tmp_path, weights_path):
+    (tmp_path / "file").write_text("")
+    result = segment(recording, tmp_path / "file/out", weights_path)
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert "file/out" in result.stderr
+
+
+def test_the_bundled_example_runs_resumes_and_scores(tmp_path):
+    result = invoke("segment", WALK / "scans", WALK / "poses.csv", "-o", tmp_path / "out")
+    assert result.exit_code == 0
+    assert "smoke-test model" in result.stderr
+    scores = json.loads(invoke("eval", tmp_path / "out", WALK / "gt", "--json").stdout)
+    assert scores["covered"] == scores["points"] > 5000
+    assert scores["point_accuracy"] > 0.5
+    assert set(scores["iou"]) == set(read_cloud(tmp_path / "out/map.ply").classes)
+
+
+def test_truth_scored_against_itself_is_perfect():
+    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
+    assert scores["unit"] == "voxel"
+    for name in ("point_accuracy", "miou_present", "nmi", "ari", "homogeneity", "completeness", "mean_class_accuracy"):
+        assert scores[name] == pytest.approx(1.0)
+
+
+def test_class_tables_of_different_order_are_matched_by_name(tmp_path):
+    truth = read_cloud(WALK / "gt/000000.ply")
+    reversed_classes = tuple(reversed(truth.classes))
+    semantic = (len(truth.classes) - 1 - truth.label("semantic")).astype(np.uint8)
+    write_cloud(tmp_path / "other.ply", Cloud(truth.columns | {"semantic": semantic}, reversed_classes))
+    scores = json.loads(invoke("eval", tmp_path / "other.ply", WALK / "gt/000000.ply", "--json").stdout)
+    assert scores["point_accuracy"] == 1.0
+
+
+def test_points_without_truth_nearby_are_counted_and_not_scored(tmp_path):
+    truth = read_cloud(WALK / "gt/000000.ply")
+    half = Cloud({name: column[::2] for name, column in truth.columns.items() if name != "x"}, truth.classes)
+    shifted = truth.columns["x"][::2].copy()
+    shifted[:100] += 50
+    write_cloud(tmp_path / "half.ply", Cloud({"x": shifted, **half.columns}, truth.classes))
+    scores = json.loads(invoke("eval", tmp_path / "half.ply", WALK / "gt/000000.ply", "--json").stdout)
+    assert scores["points"] - scores["covered"] == 100
+    assert scores["point_accuracy"] == 1.0
+
+
+def test_eval_without_labels_is_one_line(tmp_path):
+    result = invoke("eval", WALK / "scans/000000.ply", WALK / "gt")
+    assert result.exit_code == 1
+    assert "points without semantic" in result.stderr
+
+
+def test_eval_prints_a_table():
+    result = invoke("eval", WALK / "gt/000000.ply", WALK / "gt")
+    assert re.search(r"^point_accuracy +1\.000$", result.stdout, re.MULTILINE)
+
+
+def test_import_weights_does_not_overwrite(tmp_path):
+    (tmp_path / "w.safetensors").write_text("mine")
+    result = invoke("import-weights", tmp_path / "model.ckpt", "-o", tmp_path / "w.safetensors")
+    assert result.exit_code == 1
+    assert (tmp_path / "w.safetensors").read_text() == "mine"
+
+
+def test_version_and_help_answer():
+    assert re.match(r"mcpseg \d+\.\d+\.\d+", invoke("--version").stdout)
+    for command in ("segment", "eval", "import-weights"):
+        assert "Example" in invoke(command, "--help").stdout
+
+
+def test_real_recordings_are_labelled_alike_from_csv_and_tum_poses(shared_folder, tmp_path):
+    walk = shared_folder / "real/hololens_walk"
+    for kind in ("csv", "tum"):
+        result = invoke("segment", walk / "scans", walk / f"poses.{kind}", "-o", tmp_path / kind, "-q", "--json")
+        assert json.loads(result.stdout)["scans"] == 94
+    assert (tmp_path / "csv/map.ply").read_bytes() == (tmp_path / "tum/map.ply").read_bytes()
+
+
+def test_laser_scans_in_the_sensor_frame_land_on_top_of_each_other(shared_folder, tmp_path):
+    from scipy.spatial import KDTree
+
+    from mcpseg_cli.recording import open_recording, read_scan
+
+    laser = shared_folder / "real/laser_sensor_frame"
+    recording = open_recording(laser / "scans", laser / "poses_kitti.txt")
+    shares = []
+    for frame in ("sensor", "map"):  # with the poses applied, and as they lie in the files
+        first, second = (read_scan(source, frame, 0.1)[0].xyz for source in recording[:2])
+        distance, _ = KDTree(first).query(second[::20])
+        shares.append((distance < 0.1).mean())
+    assert shares[0] > 0.8
+    assert shares[1] < 0.6
+    options = ["--frame", "sensor", "-q", "--json"]
+    result = invoke("segment", laser / "scans", laser / "poses_kitti.txt", "-o", tmp_path / "out", *options)
+    assert json.loads(result.stdout)["scans"] == 3
+
+
+@pytest.mark.parametrize("script", [["robot_loop.py", "office_walk"], ["render_map.py", "office_walk/gt/000000.ply"]])
+def test_every_example_runs(script, tmp_path):
+    arguments = [str(REPOSITORY / "examples" / part) for part in script]
+    result = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout
+
+
+def test_the_python_of_the_readme_runs(make_recording, tmp_path):
+    from mcpseg_cli.recording import open_recording, read_scan
+
+    scans = [read_scan(source, "map", 0.1)[0] for source in open_recording(*make_recording(tmp_path / "input"))]
+    code = re.search(r"```python\n(.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
+    names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
+    exec(compile(code, "README.md", "exec"), names)  # our own text
+    assert names["segmenter"].num_scans == 4
+    assert sum(item.num_points for item in names["objects"]) == len(names["segmenter"].map)
+
+
+def test_every_mcpseg_command_of_the_readme_parses():
+    text = (REPOSITORY / "README.md").read_text()
+    commands = re.findall(r"^mcpseg (\S+)(.*?)(?:\||#|$)", text, re.MULTILINE)
+    assert len(commands) >= 5
+    for name, rest in commands:
+        options = re.findall(r" (--?[a-z-]+)", rest)
+        help_text = invoke(name, "--help").stdout
+        assert all(option in help_text for option in options), (name, options)
