@@ -66,7 +66,7 @@ def draw(map_path: Path, picture: Path, cut: float, yaw_deg: float) -> None:
         "class": class_colours(semantic[keep].astype(int), cloud.classes),
         "object": instance_colours(instance[keep].astype(int)),
     }
-    figure, axes = plt.subplots(2, 3, figsize=(18, 11), dpi=80, layout="constrained")
+    figure, axes = plt.subplots(2, 3, figsize=(18, 9), dpi=80, layout="constrained")
     for row, pitch_deg in enumerate((90.0, 40.0)):
         points, depth = project(xyz[keep], yaw_deg if row else 0.0, pitch_deg)
         order = np.argsort(depth)
