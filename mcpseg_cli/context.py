@@ -47,7 +47,7 @@ def context_input(
     return torch.from_numpy(context)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _gather_relative(ids, sample, xyz, rgb, context):  # type: ignore[no-untyped-def]
     scale = np.float32(1 / 255)
     for i in range(sample.shape[0]):

@@ -28,7 +28,8 @@ from mcpseg_cli.voxel_map import VoxelMap
 from mcpseg_cli.weights import Weights, find_weights, load_weights
 
 _GREY = 128  # colour of a scan that has none: the network's colour inputs are then (almost) zero
-_CHUNK_BATCHES = 8  # batches whose context is gathered at a time, which bounds memory
+_CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bounds memory
+_TILE_VOXELS = 64  # voxels whose context is pooled at a time: 3,200 points with 200 features stay in a core's cache
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class IncrementalSegmenter:
         self._floor: float | None = None
         self._device = _torch_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
-        self._network.pool_in(torch.bfloat16 if self.precision == "bf16" else torch.float32)
+        self._network.pool_in(self.precision)
         self._workers = ThreadPoolExecutor(torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,))
 
     @classmethod
@@ -232,21 +233,38 @@ class IncrementalSegmenter:
         self, ids: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Label voxels in batches of N, the last one filled up by sampling with replacement (III-B)."""
-        xyz, rgb = self.map.xyz, self.map.rgb
-        centre = torch.from_numpy(network_input(xyz[ids], rgb[ids], position, self._floor or 0.0)).to(self._device)
-        pooled = None
-        if self._network.has_context:
-            sample = self.map.sample_context(ids, self.info.context_window, self.info.num_context, rng)
-            pooled = self._network.pool_context(context_input(ids, sample, xyz, rgb).to(self._device), self._workers)
-        size = self.settings.batch_size
-        filler = torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))
-        rows = torch.cat([torch.arange(len(ids)), filler]).to(self._device)
-        outputs = [
-            self._network.label(centre[batch], None if pooled is None else pooled[batch])
-            for batch in torch.split(rows, size)
-        ]
+        xyz, rgb, size = self.map.xyz[ids], self.map.rgb[ids], self.settings.batch_size
+        centre = torch.from_numpy(network_input(xyz, rgb, position, self._floor or 0.0)).to(self._device)
+        pooled = self._pool_context(ids, rng) if self._network.has_context else None
+        rows = torch.arange(len(ids))
+        if len(ids) > size:  # a single batch would be filled from itself, which changes no maximum
+            rows = torch.cat([rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))])
+        batches = torch.split(rows.to(self._device), size)
+        contexts = [None if pooled is None else pooled[batch] for batch in batches]
+        outputs = list(self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts))
         unit = torch.cat([embedding for embedding, _ in outputs])[: len(ids)]
         return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
+
+    @torch.inference_mode()
+    def _label_batch(self, centre: torch.Tensor, pooled: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+        return self._network.label(centre, pooled)
+
+    def _pool_context(self, ids: NDArray[np.int32], rng: np.random.Generator) -> torch.Tensor:
+        """Sample, gather and pool context in tiles that stay in cache, shared among the workers.
+
+        Threads that meet once a scan stand a busy machine far better than operations that each wait for all cores. The
+        tiles do not depend on how many workers there are, and so neither do the labels.
+        """
+        uniform = rng.random((len(ids), self.info.num_context), np.float32)
+        num_tiles = 2 * -(-len(ids) // (2 * _TILE_VOXELS)) if self._device.type == "cpu" else 1
+        tiles = self._workers.map(self._pool_tile, np.array_split(ids, num_tiles), np.array_split(uniform, num_tiles))
+        return torch.cat(list(tiles))
+
+    @torch.inference_mode()
+    def _pool_tile(self, ids: NDArray[np.int32], uniform: NDArray[np.float32]) -> torch.Tensor:
+        sample = self.map.sample_context(ids, self.info.context_window, uniform)
+        context = context_input(ids, sample, self.map.xyz, self.map.rgb)
+        return self._network.pool_context(context.to(self._device))
 
 
 @contextmanager

@@ -105,21 +105,20 @@ class VoxelMap:
         return np.delete(cubes, NUM_NEIGHBOURS // 2, axis=1)
 
     def sample_context(
-        self, ids: NDArray[np.int32], window: ContextWindow, num_context: int, rng: np.random.Generator
+        self, ids: NDArray[np.int32], window: ContextWindow, uniform: NDArray[np.float32]
     ) -> NDArray[np.int32]:
         """Sample context points for each voxel from this and all earlier scans (III-B).
 
         Args:
             ids: (M,) int32 voxel ids.
             window: Which voxels are candidates; a voxel always is its own.
-            num_context: K, how many to sample: without replacement, unless there are fewer candidates.
-            rng: Source of M x K uniform numbers.
+            uniform: (M, K) float32 random numbers in [0, 1), one for each context point to draw: without replacement,
+                unless there are fewer candidates than K.
 
         Returns:
             (M, K) int32 voxel ids.
         """
         low, width = context_window(voxel_of(self.xyz[ids], self.voxel_size), window)
-        uniform = rng.random((len(ids), num_context), np.float32)
         sample: NDArray[np.int32] = _sample_windows(low, width, uniform, self._keys, self._slots, self._block_ids)
         return sample
 
@@ -280,15 +279,34 @@ def _gather_cubes(low, width, keys, slots, block_ids):  # type: ignore[no-untype
     return cubes
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def _list_box(low, width, keys, slots, block_ids, ids):  # type: ignore[no-untyped-def]
+    """List the voxels in a cube, block by block; return how many."""
+    size = 0
+    x0, y0, z0 = low[0], low[1], low[2]
+    x1, y1, z1 = x0 + width, y0 + width, z0 + width
+    for bx in range(x0 >> 2, ((x1 - 1) >> 2) + 1):
+        for by in range(y0 >> 2, ((y1 - 1) >> 2) + 1):
+            for bz in range(z0 >> 2, ((z1 - 1) >> 2) + 1):
+                block = _find_block(bx, by, bz, keys, slots)
+                if block == _EMPTY:
+                    continue
+                for x in range(max(x0, bx << 2), min(x1, (bx + 1) << 2)):
+                    for y in range(max(y0, by << 2), min(y1, (by + 1) << 2)):
+                        for z in range(max(z0, bz << 2), min(z1, (bz + 1) << 2)):
+                            found = block_ids[block, _cell(x, y, z)]
+                            ids[size] = found - 1
+                            size += found != 0
+    return size
+
+
+@njit(cache=True, nogil=True)
 def _sample_windows(low, width, uniform, keys, slots, block_ids):  # type: ignore[no-untyped-def]
     """Draw ids from each window by a partial Fisher-Yates shuffle, or with replacement where they are too few."""
-    shape = np.array([width, width, width], np.int32)
     sample = np.empty(uniform.shape, np.int32)
+    candidates = np.empty(width**3, np.int32)
     for i in range(low.shape[0]):
-        window = _gather_box(low[i], shape, keys, slots, block_ids).ravel()
-        candidates = window[window != _EMPTY]
-        size = candidates.size
+        size = _list_box(low[i], width, keys, slots, block_ids, candidates)
         for k in range(uniform.shape[1]):
             done = k if size >= uniform.shape[1] else 0
             pick = done + min(int(uniform[i, k] * (size - done)), size - done - 1)

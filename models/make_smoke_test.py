@@ -60,7 +60,7 @@ def replay(walk: Walk, floor: float, rng: np.random.Generator) -> Iterator[Batch
         filler = rng.integers(len(new), size=-len(new) % SETTINGS.batch_size)
         order = np.concatenate([rng.permutation(len(new)), filler])
         for ids in new[order].reshape(-1, SETTINGS.batch_size):
-            sample = voxel_map.sample_context(ids, "cells", NUM_CONTEXT, rng)
+            sample = voxel_map.sample_context(ids, "cells", rng.random((len(ids), NUM_CONTEXT), np.float32))
             centre = network_input(voxel_map.xyz[ids], voxel_map.rgb[ids], scan.position, floor)
             context = context_input(ids, sample, voxel_map.xyz, voxel_map.rgb)
             yield torch.from_numpy(centre), context, *torch.from_numpy(truth[ids]).unbind(dim=1)

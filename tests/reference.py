@@ -34,6 +34,14 @@ class DictVoxelMap:
         cells = itertools.product(*(range(start, start + size) for start, size in zip(low, shape, strict=True)))
         return [self.ids.get(cell, -1) for cell in cells]
 
+    def by_blocks(self, low: Voxel, width: int) -> list[int]:
+        """Voxels of a cube in the order of their blocks of 4 x 4 x 4, then of their places in the block."""
+        cells = itertools.product(*(range(start, start + width) for start in low))
+        found = [cell for cell in cells if cell in self.ids]
+        return [
+            self.ids[cell] for cell in sorted(found, key=lambda cell: ([c // 4 for c in cell], [c % 4 for c in cell]))
+        ]
+
     def neighbours(self, voxel_id: int) -> list[int]:
         x, y, z = voxel_of(self.points[voxel_id], self.voxel_size)
         offsets = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset != (0, 0, 0)]

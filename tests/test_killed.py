@@ -22,9 +22,8 @@ def recording(make_recording, tmp_path) -> tuple[Path, Path]:
 
 def command(recording, output: Path, weights_path: Path) -> list[str]:
     scans, poses = recording
-    return [
-        sys.executable, "-m", "mcpseg_cli", "segment", str(scans), str(poses), "-o", str(output), "-w", str(weights_path), "-q",
-    ]  # fmt: skip
+    arguments = ["segment", str(scans), str(poses), "-o", str(output), "-w", str(weights_path), "-q"]
+    return [sys.executable, "-m", "mcpseg_cli", *arguments]
 
 
 def outputs_of(folder: Path) -> dict[str, bytes]:

@@ -13,10 +13,13 @@ CLASSES = ("floor", "wall")
 def rows_of(count: int, instance_step: int = 1) -> MapRows:
     index = np.arange(count)
     return MapRows(
-        np.column_stack([index, index + 0.25, -index]).astype(np.float32), (index[:, None] % [251, 7, 13]).astype(np.uint8),
-        (index % 2).astype(np.uint8), (index / max(count, 1)).astype(np.float32), (index * instance_step).astype(np.int32),
-        np.zeros((count, 50), np.int16),
-    )  # fmt: skip
+        xyz=np.column_stack([index, index + 0.25, -index]).astype(np.float32),
+        rgb=(index[:, None] % [251, 7, 13]).astype(np.uint8),
+        semantic=(index % 2).astype(np.uint8),
+        confidence=(index / max(count, 1)).astype(np.float32),
+        instance=(index * instance_step).astype(np.int32),
+        embedding=np.zeros((count, 50), np.int16),
+    )
 
 
 @pytest.mark.parametrize("counts", [[1], [9, 10, 11], [99, 1001, 1001]])

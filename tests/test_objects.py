@@ -13,10 +13,13 @@ CLASSES = ("floor", "wall", "chair")
 def rows_of(xyz, semantic, instance, confidence=None) -> MapRows:
     count = len(xyz)
     return MapRows(
-        np.asarray(xyz, np.float32).reshape(-1, 3), np.zeros((count, 3), np.uint8), np.asarray(semantic, np.uint8),
-        np.asarray(confidence if confidence is not None else np.ones(count), np.float32), np.asarray(instance, np.int32),
-        np.zeros((count, 50), np.int16),
-    )  # fmt: skip
+        xyz=np.asarray(xyz, np.float32).reshape(-1, 3),
+        rgb=np.zeros((count, 3), np.uint8),
+        semantic=np.asarray(semantic, np.uint8),
+        confidence=np.asarray(confidence if confidence is not None else np.ones(count), np.float32),
+        instance=np.asarray(instance, np.int32),
+        embedding=np.zeros((count, 50), np.int16),
+    )
 
 
 def test_an_empty_map_has_no_objects():

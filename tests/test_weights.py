@@ -143,7 +143,7 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
 def test_a_missing_half_of_a_checkpoint_is_named(tmp_path, ending):
     write_bundle(tmp_path / "model.ckpt", mcpnet_tensors(context=True))
     (tmp_path / f"model.ckpt{ending}").unlink()
-    with pytest.raises(WeightsError, match="model.ckpt"):
+    with pytest.raises(WeightsError, match=r"model\.ckpt"):
         import_checkpoint(tmp_path / "model.ckpt")
 
 

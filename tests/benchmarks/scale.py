@@ -46,9 +46,8 @@ def write_scan(folder: Path, number: int) -> ScanFile:
     surface = np.arange(6000) % 4
     y = np.choose(surface, [across, across, np.full(6000, -2.0), np.full(6000, 2.0)])
     z = np.choose(surface, [np.zeros(6000), np.full(6000, 2.5), height, height])
-    xyz = (np.column_stack([along, y, z]) + [robot[0], robot[1], 0.0] + rng.normal(0, 0.004, (6000, 3))).astype(
-        np.float32
-    )
+    noise = rng.normal(0, 0.004, (6000, 3))
+    xyz = (np.column_stack([along + robot[0], y + robot[1], z]) + noise).astype(np.float32)
     colour = np.choose(surface, [90, 220, 160, 170])[:, None] + rng.integers(-10, 10, (6000, 3))
     columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
     columns |= {name: colour[:, i].astype(np.uint8) for i, name in enumerate(("red", "green", "blue"))}

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.segment SHARED [--threads 2] [--repeat 3]
 
-SHARED is the folder with ``reference/``. Every scan is read, labelled, committed and written; nothing is left out. The
-network stage is timed at 256 new points in fp32 and bf16, in the same run, beside the two matrix products that bound it.
+SHARED is the folder with ``reference/``. Every scan is read, labelled, committed and written; nothing is left out.
+The network stage is timed at 256 new points in fp32 and bf16, beside the two matrix products that bound it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import torch
 
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.poses import read_poses
-from mcpseg_cli.recording import open_recording
+from mcpseg_cli.recording import open_recording, read_scan
 from mcpseg_cli.segment_run import RunOptions, SegmentRun
 from mcpseg_cli.segmenter import IncrementalSegmenter, _one_thread_per_operation
 from mcpseg_cli.tensor_bundle import import_checkpoint
@@ -54,22 +54,24 @@ def median_ms(function, repeat: int = 200) -> float:
 
 
 @torch.inference_mode()
-def network_stage(weights: Weights) -> dict[str, float]:
-    """Milliseconds of pooling and labelling 256 points with 50 context points each, and of its matrix products alone."""
-    centre, context = torch.randn(256, 6), torch.randn(256, 50, 6)
+def network_stage(weights: Weights, building: Path) -> dict[str, float]:
+    """Milliseconds of the whole network stage at 256 new voxels, and of its two large matrix products alone."""
     figures = {}
+    rng = np.random.default_rng(0)
     for name, dtype in (("fp32", torch.float32), ("bf16", torch.bfloat16)):
-        segmenter = IncrementalSegmenter(weights, precision=name)
-        network, workers = segmenter._network, segmenter._workers
-        points, layer = context.reshape(-1, 6).to(dtype), torch.randn(6, 200, dtype=dtype)
+        segmenter = IncrementalSegmenter(weights, SegmentSettings(floor="scan-min"), precision=name)
+        for source in open_recording(building / "scans", building / "poses.csv")[:40]:
+            segmenter.register_scan(read_scan(source, "map", 0.1)[0])
+        ids = rng.permutation(np.arange(len(segmenter.map) - 256, len(segmenter.map), dtype=np.int32))
+        points, layer = torch.randn(12800, 6, dtype=dtype), torch.randn(6, 200, dtype=dtype)
         hidden, square = torch.randn(12800, 200, dtype=dtype), torch.randn(200, 200, dtype=dtype)
-        with _one_thread_per_operation():
-            figures[f"{name} stage"] = median_ms(
-                lambda network=network, workers=workers: network.label(centre, network.pool_context(context, workers))
-            )
         figures[f"{name} products alone"] = median_ms(
             lambda points=points, layer=layer, hidden=hidden, square=square: (points @ layer, hidden @ square)
         )
+        with _one_thread_per_operation():
+            figures[f"{name} stage"] = median_ms(
+                lambda segmenter=segmenter, ids=ids, pose=source.pose: segmenter._run_batches(ids, pose[:3, 3], rng)
+            )
     return figures
 
 
@@ -91,7 +93,7 @@ def main() -> None:
     figures: dict[str, object] = {
         "scans": poses,
         "threads": arguments.threads,
-        "network_ms_at_256": network_stage(weights),
+        "network_ms_at_256": network_stage(weights, reference / "building"),
     }
     for precision in ("fp32", "bf16"):
         runs = [run_building(reference / "building", weights, precision) for _ in range(arguments.repeat)]
