@@ -1,5 +1,7 @@
 """Expected failures: each is one line that says what was found, what was expected and what to do."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -32,3 +34,14 @@ class StateError(McpsegError):
 
 class OutputError(McpsegError):
     """An output that cannot be written."""
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the file in an OSError that does not: failed writes say what went wrong, but not where."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise

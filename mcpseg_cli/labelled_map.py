@@ -9,6 +9,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.errors import naming
 from mcpseg_cli.state import MapRows
 
 _VERTEX = np.dtype(
@@ -33,6 +34,7 @@ class LabelledMap:
     """
 
     def __init__(self, path: Path, classes: tuple[str, ...]) -> None:
+        self._path = path
         self._classes = classes
         self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self._count = 0
@@ -106,9 +108,10 @@ class LabelledMap:
 
     def _write(self, offset: int, data: bytes) -> None:
         view = memoryview(data)
-        while view:
-            written = os.pwrite(self._file, view, offset)
-            view, offset = view[written:], offset + written
+        with naming(self._path):
+            while view:
+                written = os.pwrite(self._file, view, offset)
+                view, offset = view[written:], offset + written
 
 
 def _vertices(rows: MapRows, which: slice) -> bytes:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mcpseg_cli import __version__
 from mcpseg_cli.config import Frame, SegmentSettings
-from mcpseg_cli.errors import InputError, OutputError, StateError
+from mcpseg_cli.errors import InputError, OutputError, StateError, naming
 from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import ScanFile, read_scan
@@ -241,7 +241,8 @@ class SegmentRun:
         """Append a line to events.jsonl: the checkpoint's, plus the times that are known only after the commit."""
         times = {stage: round(value, 3) for stage, value in ms.items()} if ms else None
         line = f'{event[:-1]}, "ms": {json.dumps(times)}}}\n' if times else f"{event}\n"
-        with (self.output / "events.jsonl").open("a") as file:
+        path = self.output / "events.jsonl"
+        with naming(path), path.open("a") as file:
             file.write(line)
 
     def _write_run_json(self, weights: Weights) -> None:
@@ -368,7 +369,8 @@ def _replace_text(path: Path, text: str) -> None:
     """Write a text file that appears under its name only when complete."""
     partial = path.with_name(f"{path.name}{PARTIAL}")
     try:
-        partial.write_text(text)
-        partial.replace(path)
+        with naming(path):
+            partial.write_text(text)
+            partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from mcpseg_cli.config import NUM_CONTEXT, ContextWindow
-from mcpseg_cli.errors import WeightsError
+from mcpseg_cli.errors import WeightsError, naming
 from mcpseg_cli.networks.mcpnet import MCPNet
 
 Architecture = Literal["mcpnet", "mcpnet-nocontext"]
@@ -115,8 +115,12 @@ def load_weights(path: Path) -> Weights:
     except RuntimeError as error:
         found = str(error).splitlines()[-1].strip()
         raise WeightsError(
-            path, found, f"the tensors of {info.architecture}", "the file is damaged; copy it again"
+            path, found, f"the tensors of {info.architecture}", "copy the file again, or use weights of this network"
         ) from error
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
+        raise WeightsError(
+            path, "NaN or infinite parameters", "finite numbers", "use a checkpoint from before they broke"
+        )
     return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
 
 
@@ -132,8 +136,9 @@ def save_weights(path: Path, network: MCPNet, info: WeightsInfo) -> None:
     partial = path.with_name(path.name + ".part")
     description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
     try:
-        partial.write_bytes(save(tensors, {_METADATA: description}))
-        partial.replace(path)
+        with naming(path):
+            partial.write_bytes(save(tensors, {_METADATA: description}))
+            partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 
@@ -141,8 +146,3 @@ def save_weights(path: Path, network: MCPNet, info: WeightsInfo) -> None:
 def build_network(info: WeightsInfo) -> MCPNet:
     """Build the network that ``info`` describes, with fresh parameters from torch's generator."""
     return MCPNet(len(info.classes), has_context=info.architecture == "mcpnet")
-
-
-def parameters_finite(network: MCPNet) -> bool:
-    """Tell whether every parameter is a finite number."""
-    return all(bool(torch.isfinite(parameter).all()) for parameter in network.parameters())

@@ -45,6 +45,16 @@ def test_tensors_that_do_not_fit_are_named(tmp_path):
         load_weights(tmp_path / "w.safetensors")
 
 
+def test_weights_with_nan_are_refused(tmp_path):
+    info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
+    network = build_network(info)
+    with torch.no_grad():
+        network.embed.bias[3] = float("nan")
+    save_weights(tmp_path / "w.safetensors", network, info)
+    with pytest.raises(WeightsError, match="NaN"):
+        load_weights(tmp_path / "w.safetensors")
+
+
 def test_safetensors_of_another_program_are_refused(tmp_path):
     save_file({"a": torch.zeros(1)}, tmp_path / "w.safetensors")
     with pytest.raises(WeightsError, match="no mcpseg description"):

@@ -1,5 +1,6 @@
 """The one place where expected failures become a line on stderr and exit 1."""
 
+import errno
 import os
 import sys
 from typing import Any
@@ -23,16 +24,23 @@ class OneLineErrors(TyperGroup):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(1) from None
         except OSError as error:
-            place = f"{error.filename}: " if error.filename else ""
-            _fail(
-                f"{place}{error.strerror or error}; finished scans are kept; mend this and run the command again",
-                1,
-                error,
-            )
+            _fail(_explain(error), 1, error)
         except MemoryError as error:
             _fail("out of memory; expected smaller scans or a smaller range; finished scans are kept", 1, error)
         except KeyboardInterrupt as error:
             _fail("interrupted; finished scans are kept; run the same command again to continue", 130, error)
+
+
+def _explain(error: OSError) -> str:
+    """Say what the operating system refused, what was expected and what to do."""
+    place = f"{error.filename}: " if error.filename else ""
+    if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+        advice = "expected room on the disk; make space and run the same command again, finished scans are kept"
+    elif isinstance(error, FileNotFoundError):
+        advice = "expected an existing path; check its spelling"
+    else:
+        advice = "expected a path that can be read or written; check what it is and its permissions"
+    return f"{place}{error.strerror or error}; {advice}"
 
 
 def _fail(line: str, code: int, cause: BaseException) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.errors import InputError, OutputError, naming
 from mcpseg_cli.formats.cloud import Cloud, Labels, checked
 
 CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
@@ -68,7 +68,7 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
 def _write_stream(path: Path, cloud: Cloud) -> None:
     """Write one of the formats; all go through a Python file, so that a full disk is an OSError."""
     suffix = path.suffix.lower()
-    with path.open("wb") as file:
+    with naming(path), path.open("wb") as file:
         if suffix == ".ply":
             from mcpseg_cli.formats.ply import write_ply
 
