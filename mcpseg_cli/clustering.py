@@ -58,9 +58,7 @@ class Clusters:
         start, num_known = len(self.instance), len(self._survivor.rows)
         self._embedding.append(embedding)
         self._survivor.append(np.arange(num_known, num_known + len(embedding), dtype=np.int32))
-        joined, removed = _connect(
-            neighbours, start, self.embedding, self._threshold, self.instance, num_known, self._survivor.rows
-        )
+        joined, removed = _connect(neighbours, self.embedding, self._threshold, self.instance, self._survivor.rows)
         instance, num_objects = _number_new(joined, num_known, self._survivor.rows)
         self._survivor.truncate(num_known)
         self._add_objects(num_objects)
@@ -120,7 +118,7 @@ def quantise(embedding: NDArray[np.float32]) -> NDArray[np.int16]:
 
 
 @njit(cache=True)
-def resolve(instance, survivor):  # type: ignore[no-untyped-def]
+def resolve(instance: NDArray[np.int32], survivor: NDArray[np.int32]) -> NDArray[np.int32]:
     """Bring object ids up to date with the merges since.
 
     Args:
@@ -137,7 +135,7 @@ def resolve(instance, survivor):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _root(parent, node):  # type: ignore[no-untyped-def]
+def _root(parent: NDArray[np.int32], node: int) -> int:
     while parent[node] != node:
         parent[node] = parent[parent[node]]
         node = parent[node]
@@ -145,19 +143,25 @@ def _root(parent, node):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _is_similar(a, b, threshold):  # type: ignore[no-untyped-def]
+def _is_similar(a: NDArray[np.int16], b: NDArray[np.int16], threshold: float) -> bool:
     product = np.int64(0)
     for e in range(a.size):
         product += np.int64(a[e]) * np.int64(b[e])
-    return product > threshold
+    return bool(product > threshold)
 
 
 @njit(cache=True)
-def _connect(neighbours, start, embedding, threshold, instance, num_known, parent):  # type: ignore[no-untyped-def]
-    """Join each new voxel with its similar neighbours; ids from ``num_known`` on are provisional."""
+def _connect(
+    neighbours: NDArray[np.int32],
+    embedding: NDArray[np.int16],
+    threshold: float,
+    instance: NDArray[np.int32],
+    parent: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Join each new voxel with its similar neighbours; the last ids of ``parent``, one a voxel, are provisional."""
     joined = np.empty(neighbours.shape[0], np.int32)
     removed = np.empty(neighbours.size, np.int32)
-    num_removed, next_id = 0, num_known
+    start, num_removed, next_id = instance.size, 0, parent.size - neighbours.shape[0]
     for i in range(neighbours.shape[0]):
         node = _NONE
         for other in neighbours[i]:
@@ -181,7 +185,7 @@ def _connect(neighbours, start, embedding, threshold, instance, num_known, paren
 
 
 @njit(cache=True)
-def _number_new(joined, num_known, parent):  # type: ignore[no-untyped-def]
+def _number_new(joined: NDArray[np.int32], num_known: int, parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
     """Replace provisional ids by survivors, new objects numbered without gaps in the order of their first voxels."""
     number = np.zeros(joined.size, np.int32)  # of each provisional id, once given
     num_objects = 0
@@ -198,7 +202,13 @@ def _number_new(joined, num_known, parent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _merge_members(merges, instance, next_member, first_member, last_member):  # type: ignore[no-untyped-def]
+def _merge_members(
+    merges: NDArray[np.int32],
+    instance: NDArray[np.int32],
+    next_member: NDArray[np.int32],
+    first_member: NDArray[np.int32],
+    last_member: NDArray[np.int32],
+) -> NDArray[np.int32]:
     """Relabel the voxels of merged objects and hand them over; return which they are."""
     changed = []
     for row in range(merges.shape[0]):
@@ -215,7 +225,13 @@ def _merge_members(merges, instance, next_member, first_member, last_member):  #
 
 
 @njit(cache=True)
-def _append_members(start, instance, next_member, first_member, last_member):  # type: ignore[no-untyped-def]
+def _append_members(
+    start: int,
+    instance: NDArray[np.int32],
+    next_member: NDArray[np.int32],
+    first_member: NDArray[np.int32],
+    last_member: NDArray[np.int32],
+) -> None:
     """Add the voxels from ``start`` on to their objects' lists."""
     for voxel in range(start, instance.size):
         owner = instance[voxel]

@@ -30,7 +30,7 @@ class SegmentSettings(BaseModel):
         seed: Seed of the context sample and the batch order; keyed with the scan number.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
     local_range: float = Field(default=2.0, gt=0.0, le=1000.0)

@@ -48,7 +48,13 @@ def context_input(
 
 
 @njit(cache=True, nogil=True)
-def _gather_relative(ids, sample, xyz, rgb, context):  # type: ignore[no-untyped-def]
+def _gather_relative(
+    ids: NDArray[np.int32],
+    sample: NDArray[np.int32],
+    xyz: NDArray[np.float32],
+    rgb: NDArray[np.uint8],
+    context: NDArray[np.float32],
+) -> None:
     scale = np.float32(1 / 255)
     for i in range(sample.shape[0]):
         centre = ids[i]

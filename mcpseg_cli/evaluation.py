@@ -68,6 +68,8 @@ class Scores:
             "covered": self.covered,
             "labelled": self.labelled,
             "in_objects": self.in_objects,
+            "objects_true": self.objects_true,
+            "objects_pred": self.objects_pred,
             "point_accuracy": float(np.trace(self.confusion) / max(self.confusion.sum(), 1)),
             "mean_class_accuracy": float(np.nanmean(class_accuracy(self.confusion))) if present.any() else 0.0,
             "miou": float(np.nan_to_num(iou).mean()),
@@ -79,8 +81,6 @@ class Scores:
             "ari": self.ari,
             "homogeneity": self.homogeneity,
             "completeness": self.completeness,
-            "objects_true": self.objects_true,
-            "objects_pred": self.objects_pred,
         }
 
     def table(self) -> list[tuple[str, str]]:
@@ -116,6 +116,11 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     Raises:
         InputError: A cloud has no labels, or no point of the map has ground truth nearby.
     """
+    for path in (output, truth):
+        if not path.exists():
+            raise InputError(path, "no such file or folder", "labelled clouds", "check the path")
+    if output.is_dir() and not (output / "map.ply").is_file():
+        raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
     predicted = read_cloud(output / "map.ply" if output.is_dir() else output)
     clouds = [read_cloud(path) for path in (list_clouds(truth) if truth.is_dir() else [truth])]
     true_semantic = np.concatenate([_label(cloud, "semantic", truth) for cloud in clouds])

@@ -108,7 +108,13 @@ def _oriented_boxes(
 
 
 @njit(cache=True)
-def _smallest_rectangles(xy, starts, counts, cos, sin):  # type: ignore[no-untyped-def]
+def _smallest_rectangles(
+    xy: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    cos: NDArray[np.float64],
+    sin: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Try every angle on every object: rows of angle index, low u, low v, high u, high v in the turned frame."""
     boxes = np.empty((starts.size, 5))
     for i in range(starts.size):

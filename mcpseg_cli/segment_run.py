@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,14 +16,15 @@ import numpy as np
 from mcpseg_cli import __version__
 from mcpseg_cli.config import Frame, SegmentSettings
 from mcpseg_cli.errors import InputError, OutputError, StateError, naming
-from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, Cloud, write_cloud
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import ScanFile, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.state import ScanRecord, State
 from mcpseg_cli.weights import Weights
 
-_OUTPUTS = ("map.ply", "scans", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
+_OUTPUTS = ("map.ply", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
+_FLAGS = {"local_range": "--range", "weights": "--weights"}  # settings whose option is not called like them
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,8 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self._options = options
-        _check_folder(output, recording)
+        check_folders(recording, output)
+        _check_outputs(output)
         (output / "scans").mkdir(parents=True, exist_ok=True)
         self._state = State(output / "state.sqlite")
         try:
@@ -188,8 +189,9 @@ class SegmentRun:
             return
         for key in sorted(kept.keys() | asked.keys()):
             if kept.get(key) != asked.get(key):
+                flag = _FLAGS.get(key, f"--{key.replace('_', '-')}")
                 raise StateError(
-                    f"{self._state.path}: made with {key} {_short(kept.get(key))}, now {_short(asked.get(key))}; "
+                    f"{self._state.path}: made with {flag} {_short(kept.get(key))}, now {_short(asked.get(key))}; "
                     "expected the same; go back to it, choose another -o, or start again with --overwrite"
                 )
 
@@ -257,32 +259,50 @@ class SegmentRun:
         _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
 
 
-def clear_run(output: Path) -> None:
-    """Delete the files of a run, and only those.
+def check_folders(recording: list[ScanFile], output: Path) -> None:
+    """Refuse an output folder in which results would lie among the input, or that is none.
+
+    Raises:
+        OutputError: Says which.
+    """
+    scans = recording[0].path.parent.resolve()
+    own = (output.resolve(), (output / "scans").resolve())
+    if scans in own or own[1] in scans.parents:
+        raise OutputError(
+            f"{output}: the input {recording[0].path.parent} lies where results go; "
+            "expected a folder of its own; choose another -o"
+        )
+    if output.exists() and not output.is_dir():
+        raise OutputError(f"{output}: a file; expected a folder; choose another -o")
+
+
+def clear_run(output: Path, recording: list[ScanFile]) -> None:
+    """Delete the files of a run, and only those: other files, also in its scans/, stay.
+
+    Args:
+        output: Folder of the run; nothing happens where there is none.
+        recording: The scans that are about to be labelled; their earlier labelled copies are deleted.
 
     Raises:
         StateError: Another process is writing there.
     """
+    stems = {source.path.stem for source in recording}
     if (output / "state.sqlite").is_file():
         try:
-            State(output / "state.sqlite").close()
+            with State(output / "state.sqlite") as state:
+                stems |= {Path(record.name).stem for record in state.scans()}
         except StateError as error:
             if "in use" in str(error):
                 raise
     for name in _OUTPUTS:
-        path = output / name
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+        (output / name).unlink(missing_ok=True)
+    for path in (output / "scans").glob("*"):
+        if path.stem in stems and path.suffix.lower() in CLOUD_SUFFIXES:
+            path.unlink()
 
 
-def _check_folder(output: Path, recording: list[ScanFile]) -> None:
-    """Refuse a folder that holds the scans themselves, or outputs without their checkpoint."""
-    if recording and (output / "scans").resolve() == recording[0].path.parent.resolve():
-        raise OutputError(f"{output}: its scans/ holds the input; expected another folder; choose another -o")
-    if output.exists() and not output.is_dir():
-        raise OutputError(f"{output}: a file; expected a folder; choose another -o")
+def _check_outputs(output: Path) -> None:
+    """Refuse a folder with outputs whose checkpoint is missing."""
     if not (output / "state.sqlite").exists():
         present = [name for name in _OUTPUTS if (output / name).exists()]
         if present:
@@ -306,7 +326,7 @@ def _configuration(weights: Weights, segmenter: IncrementalSegmenter, options: R
 
 
 def _short(value: object) -> str:
-    return str(value)[:16]
+    return "(none)" if value is None else str(value)[:16]
 
 
 def _pending(recording: list[ScanFile], records: list[ScanRecord], state_path: Path) -> list[ScanFile]:

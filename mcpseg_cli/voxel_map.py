@@ -20,6 +20,9 @@ _CELLS_REACH = 3  # cells from a point to its context points (III-B)
 _NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
 NUM_NEIGHBOURS = 26
 
+Blocks = tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]
+"""The hash table's keys, the block each slot points to, and (B, 64) voxel ids of the blocks, plus one."""
+
 
 class VoxelMap:
     """One point per voxel, in the order first seen; the row of a voxel is its id.
@@ -39,6 +42,10 @@ class VoxelMap:
 
     def __len__(self) -> int:
         return len(self.xyz)
+
+    @property
+    def _blocks(self) -> Blocks:
+        return self._keys, self._slots, self._block_ids
 
     @property
     def xyz(self) -> NDArray[np.float32]:
@@ -64,15 +71,13 @@ class VoxelMap:
         voxel = voxel_of(xyz, self.voxel_size)
         ids = np.empty(len(xyz), np.int32)
         first_point = np.empty(len(xyz), np.int64)
-        count = start = len(self)
-        done = 0
+        done = num_new = 0
         while done < len(xyz):
-            done, count, self._num_blocks = _insert_points(
-                voxel, done, count, start, self._num_blocks, self._keys, self._slots, self._block_ids, ids, first_point
-            )
+            progress = (done, num_new, self._num_blocks)
+            done, num_new, self._num_blocks = _insert_points(voxel, len(self), progress, self._blocks, ids, first_point)
             if done < len(xyz):
                 self._grow()
-        chosen = first_point[: count - start]
+        chosen = first_point[:num_new]
         self._xyz.append(xyz[chosen])
         self._rgb.append(rgb[chosen])
         return ids
@@ -87,7 +92,7 @@ class VoxelMap:
             (N,) int32.
         """
         voxel = voxel_of(xyz, self.voxel_size)
-        ids: NDArray[np.int32] = _find_voxels(voxel, self._keys, self._slots, self._block_ids)
+        ids: NDArray[np.int32] = _find_voxels(voxel, self._blocks)
         return ids
 
     def neighbours(self, ids: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -101,7 +106,7 @@ class VoxelMap:
         """
         voxel = voxel_of(self.xyz[ids], self.voxel_size)
         low = voxel - np.int32(_NEIGHBOUR_REACH)
-        cubes = _gather_cubes(low, 2 * _NEIGHBOUR_REACH + 1, self._keys, self._slots, self._block_ids)
+        cubes = _gather_cubes(low, 2 * _NEIGHBOUR_REACH + 1, self._blocks)
         return np.delete(cubes, NUM_NEIGHBOURS // 2, axis=1)
 
     def sample_context(
@@ -119,7 +124,7 @@ class VoxelMap:
             (M, K) int32 voxel ids.
         """
         low, width = context_window(voxel_of(self.xyz[ids], self.voxel_size), window)
-        sample: NDArray[np.int32] = _sample_windows(low, width, uniform, self._keys, self._slots, self._block_ids)
+        sample: NDArray[np.int32] = _sample_windows(low, width, uniform, self._blocks)
         return sample
 
     def occupancy(self, low: NDArray[np.int32], shape: tuple[int, int, int]) -> NDArray[np.int32]:
@@ -133,7 +138,7 @@ class VoxelMap:
             ``shape`` int32 voxel ids, -1 where there is no voxel.
         """
         size = np.array(shape, np.int32)
-        grid: NDArray[np.int32] = _gather_box(low, size, self._keys, self._slots, self._block_ids)
+        grid: NDArray[np.int32] = _gather_box(low, size, self._blocks)
         return grid
 
     def restore(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> None:
@@ -178,61 +183,73 @@ def context_window(voxel: NDArray[np.int32], window: ContextWindow) -> tuple[NDA
 
 
 @njit(cache=True)
-def _key(bx, by, bz):  # type: ignore[no-untyped-def]
+def _key(bx: int, by: int, bz: int) -> int:
     """Pack block indices into 63 bits."""
     bias = np.int64(_BLOCK_BIAS)
-    return ((np.int64(bx) + bias) << 42) | ((np.int64(by) + bias) << 21) | (np.int64(bz) + bias)
+    return int(((np.int64(bx) + bias) << 42) | ((np.int64(by) + bias) << 21) | (np.int64(bz) + bias))
 
 
 @njit(cache=True)
-def _probe(keys, key):  # type: ignore[no-untyped-def]
+def _probe(keys: NDArray[np.int64], key: int) -> int:
     """Find the slot that holds ``key``, or the free one where it belongs."""
     mask = keys.size - 1
     mixed = key * np.int64(-7046029254386353131)
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != key and keys[slot] != _EMPTY:
         slot = (slot + 1) & mask
-    return slot
+    return int(slot)
 
 
 @njit(cache=True)
-def _find_block(bx, by, bz, keys, slots):  # type: ignore[no-untyped-def]
+def _find_block(bx: int, by: int, bz: int, blocks: Blocks) -> int:
+    keys, slots, _ = blocks
     key = _key(bx, by, bz)
     slot = _probe(keys, key)
-    return slots[slot] if keys[slot] == key else np.int32(_EMPTY)
+    return int(slots[slot]) if keys[slot] == key else _EMPTY
 
 
 @njit(cache=True)
-def _cell(x, y, z):  # type: ignore[no-untyped-def]
+def _cell(x: int, y: int, z: int) -> int:
     """Place a voxel within its block: z runs fastest."""
     return ((x & 3) << 4) | ((y & 3) << 2) | (z & 3)
 
 
 @njit(cache=True)
-def _insert_points(voxel, done, count, start, num_blocks, keys, slots, block_ids, ids, first_point):  # type: ignore[no-untyped-def]
-    """Insert voxels from ``done`` on; stops early when the blocks or the hash table are full."""
+def _insert_points(
+    voxel: NDArray[np.int32],
+    num_known: int,
+    progress: tuple[int, int, int],
+    blocks: Blocks,
+    ids: NDArray[np.int32],
+    first_point: NDArray[np.int64],
+) -> tuple[int, int, int]:
+    """Insert voxels; progress is points done, new voxels, blocks used. Stops early when blocks or keys are full."""
+    done, num_new, num_blocks = progress
+    keys, slots, block_ids = blocks
     for i in range(done, voxel.shape[0]):
         x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
         key = _key(x >> 2, y >> 2, z >> 2)
         slot = _probe(keys, key)
         if keys[slot] == _EMPTY:
             if num_blocks == block_ids.shape[0] or 2 * num_blocks >= keys.size:
-                return i, count, num_blocks
+                return i, num_new, num_blocks
             keys[slot] = key
             slots[slot] = num_blocks
             num_blocks += 1
         block = slots[slot]
         cell = _cell(x, y, z)
         if block_ids[block, cell] == 0:
-            first_point[count - start] = i
-            count += 1
-            block_ids[block, cell] = count
+            first_point[num_new] = i
+            num_new += 1
+            block_ids[block, cell] = num_known + num_new
         ids[i] = block_ids[block, cell] - 1
-    return voxel.shape[0], count, num_blocks
+    return voxel.shape[0], num_new, num_blocks
 
 
 @njit(cache=True)
-def _rehash(old_keys, old_slots, keys, slots):  # type: ignore[no-untyped-def]
+def _rehash(
+    old_keys: NDArray[np.int64], old_slots: NDArray[np.int32], keys: NDArray[np.int64], slots: NDArray[np.int32]
+) -> None:
     for i in range(old_keys.size):
         if old_keys[i] != _EMPTY:
             slot = _probe(keys, old_keys[i])
@@ -241,46 +258,46 @@ def _rehash(old_keys, old_slots, keys, slots):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _find_voxels(voxel, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+def _find_voxels(voxel: NDArray[np.int32], blocks: Blocks) -> NDArray[np.int32]:
     ids = np.full(voxel.shape[0], _EMPTY, np.int32)
     for i in range(voxel.shape[0]):
         x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
-        block = _find_block(x >> 2, y >> 2, z >> 2, keys, slots)
+        block = _find_block(x >> 2, y >> 2, z >> 2, blocks)
         if block != _EMPTY:
-            ids[i] = block_ids[block, _cell(x, y, z)] - 1
+            ids[i] = blocks[2][block, _cell(x, y, z)] - 1
     return ids
 
 
 @njit(cache=True)
-def _gather_box(low, shape, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+def _gather_box(low: NDArray[np.int32], shape: NDArray[np.int32], blocks: Blocks) -> NDArray[np.int32]:
     """Read a box of voxels block by block; the grid is filled with -1 elsewhere."""
     grid = np.full((shape[0], shape[1], shape[2]), _EMPTY, np.int32)
     high = low + shape
     for bx in range(low[0] >> 2, ((high[0] - 1) >> 2) + 1):
         for by in range(low[1] >> 2, ((high[1] - 1) >> 2) + 1):
             for bz in range(low[2] >> 2, ((high[2] - 1) >> 2) + 1):
-                block = _find_block(bx, by, bz, keys, slots)
+                block = _find_block(bx, by, bz, blocks)
                 if block == _EMPTY:
                     continue
                 for x in range(max(low[0], bx << 2), min(high[0], (bx + 1) << 2)):
                     for y in range(max(low[1], by << 2), min(high[1], (by + 1) << 2)):
                         for z in range(max(low[2], bz << 2), min(high[2], (bz + 1) << 2)):
-                            grid[x - low[0], y - low[1], z - low[2]] = block_ids[block, _cell(x, y, z)] - 1
+                            grid[x - low[0], y - low[1], z - low[2]] = blocks[2][block, _cell(x, y, z)] - 1
     return grid
 
 
 @njit(cache=True)
-def _gather_cubes(low, width, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+def _gather_cubes(low: NDArray[np.int32], width: int, blocks: Blocks) -> NDArray[np.int32]:
     """Read a cube of ``width`` voxels for each row of ``low``."""
     shape = np.array([width, width, width], np.int32)
     cubes = np.empty((low.shape[0], width**3), np.int32)
     for i in range(low.shape[0]):
-        cubes[i] = _gather_box(low[i], shape, keys, slots, block_ids).ravel()
+        cubes[i] = _gather_box(low[i], shape, blocks).ravel()
     return cubes
 
 
 @njit(cache=True, nogil=True)
-def _list_box(low, width, keys, slots, block_ids, ids):  # type: ignore[no-untyped-def]
+def _list_box(low: NDArray[np.int32], width: int, blocks: Blocks, ids: NDArray[np.int32]) -> int:
     """List the voxels in a cube, block by block; return how many."""
     size = 0
     x0, y0, z0 = low[0], low[1], low[2]
@@ -288,25 +305,27 @@ def _list_box(low, width, keys, slots, block_ids, ids):  # type: ignore[no-untyp
     for bx in range(x0 >> 2, ((x1 - 1) >> 2) + 1):
         for by in range(y0 >> 2, ((y1 - 1) >> 2) + 1):
             for bz in range(z0 >> 2, ((z1 - 1) >> 2) + 1):
-                block = _find_block(bx, by, bz, keys, slots)
+                block = _find_block(bx, by, bz, blocks)
                 if block == _EMPTY:
                     continue
                 for x in range(max(x0, bx << 2), min(x1, (bx + 1) << 2)):
                     for y in range(max(y0, by << 2), min(y1, (by + 1) << 2)):
                         for z in range(max(z0, bz << 2), min(z1, (bz + 1) << 2)):
-                            found = block_ids[block, _cell(x, y, z)]
+                            found = blocks[2][block, _cell(x, y, z)]
                             ids[size] = found - 1
                             size += found != 0
     return size
 
 
 @njit(cache=True, nogil=True)
-def _sample_windows(low, width, uniform, keys, slots, block_ids):  # type: ignore[no-untyped-def]
+def _sample_windows(
+    low: NDArray[np.int32], width: int, uniform: NDArray[np.float32], blocks: Blocks
+) -> NDArray[np.int32]:
     """Draw ids from each window by a partial Fisher-Yates shuffle, or with replacement where they are too few."""
     sample = np.empty(uniform.shape, np.int32)
     candidates = np.empty(width**3, np.int32)
     for i in range(low.shape[0]):
-        size = _list_box(low[i], width, keys, slots, block_ids, candidates)
+        size = _list_box(low[i], width, blocks, candidates)
         for k in range(uniform.shape[1]):
             done = k if size >= uniform.shape[1] else 0
             pick = done + min(int(uniform[i, k] * (size - done)), size - done - 1)

@@ -188,7 +188,7 @@ def test_scans_added_later_are_labelled_as_if_they_had_been_there(make_recording
 
 def test_changed_settings_are_refused_by_name(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path, stop_after=2)
-    with pytest.raises(StateError, match=r"local_range 2\.0, now 1\.5"):
+    with pytest.raises(StateError, match=r"--range 2\.0, now 1\.5"):
         run_all(recording, tmp_path / "out", weights_path, settings=SegmentSettings(local_range=1.5))
 
 
@@ -198,7 +198,7 @@ def test_other_weights_are_refused(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path, stop_after=2)
     info = WeightsInfo(architecture="mcpnet", classes=load_weights(weights_path).info.classes)
     save_weights(tmp_path / "other.safetensors", build_network(info), info)
-    with pytest.raises(StateError, match="made with weights"):
+    with pytest.raises(StateError, match="made with --weights"):
         run_all(recording, tmp_path / "out", tmp_path / "other.safetensors")
 
 
@@ -252,7 +252,7 @@ def test_a_second_writer_is_refused_while_the_first_runs(recording, tmp_path, we
         with pytest.raises(StateError, match="in use by another mcpseg"):
             SegmentRun(sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions())
         with pytest.raises(StateError, match="in use"):
-            clear_run(tmp_path / "out")
+            clear_run(tmp_path / "out", sources)
     with SegmentRun(sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()) as run:
         assert len(run.records) == 1
 
@@ -284,16 +284,30 @@ def test_outputs_without_their_checkpoint_are_not_overwritten(recording, tmp_pat
     assert (tmp_path / "out/map.ply").read_text() == "mine"
 
 
-def test_an_output_folder_that_would_overwrite_the_scans_is_refused(recording, weights_path):
-    with pytest.raises(OutputError, match="holds the input"):
-        run_all(recording, recording[0].parent, weights_path)
+@pytest.mark.parametrize("place", [".", "..", "../.."])
+def test_an_output_folder_that_would_mix_results_with_the_scans_is_refused(
+    make_recording, tmp_path, weights_path, place
+):
+    scans, poses = make_recording(tmp_path / "scans/day")
+    with pytest.raises(OutputError, match="lies where results go"):
+        run_all((scans, poses), scans / place if place != "../.." else tmp_path, weights_path)
+    assert len(list(scans.iterdir())) == 4
 
 
 def test_clearing_a_run_leaves_other_files_alone(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path)
     (tmp_path / "out/notes.txt").write_text("keep")
-    clear_run(tmp_path / "out")
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
+    (tmp_path / "out/scans/mine.ply").write_text("keep")
+    clear_run(tmp_path / "out", [])
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["notes.txt", "scans"]
+    assert [path.name for path in (tmp_path / "out/scans").iterdir()] == ["mine.ply"]
+
+
+def test_clearing_where_no_run_is_deletes_no_scan_of_another_name(recording, tmp_path):
+    (tmp_path / "other/scans").mkdir(parents=True)
+    (tmp_path / "other/scans/precious.ply").write_text("keep")
+    clear_run(tmp_path / "other", open_recording(*recording))
+    assert (tmp_path / "other/scans/precious.ply").read_text() == "keep"
 
 
 def test_a_skipped_scan_is_recorded_and_stays_skipped(recording, tmp_path, weights_path):

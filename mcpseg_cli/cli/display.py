@@ -44,9 +44,9 @@ def print_table(rows: Iterable[tuple[str, str]]) -> None:
         width = max(len(name) for name, _ in pairs)
         sys.stdout.write("".join(f"{name:<{width}}  {value}\n" for name, value in pairs))
         return
-    table = Table(show_header=False)
+    table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
-    table.add_column(justify="right", overflow="fold")
+    table.add_column(overflow="fold")
     for name, value in rows:
         table.add_row(name, value)
     console.print(table, markup=False, highlight=False)

@@ -9,11 +9,15 @@ from mcpseg_cli.cli.options import Json
 
 
 def evaluate(
-    output: Annotated[Path, typer.Argument(help="Folder that 'mcpseg segment' wrote, or one labelled cloud.")],
-    truth: Annotated[Path, typer.Argument(help="Folder of labelled clouds, or one labelled cloud.")],
+    output: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Folder that 'mcpseg segment' wrote, or one labelled cloud.")
+    ],
+    truth: Annotated[Path, typer.Argument(metavar="GT", help="Folder of labelled clouds, or one labelled cloud.")],
     as_json: Json = False,
 ) -> None:
-    """Score a labelled map against ground truth, per point of the map.
+    """Score a labelled map against ground truth.
+
+    Every point of the map, one a voxel, is compared with the nearest true point within half a voxel.
 
     Examples:
       mcpseg eval out/ gt/

@@ -9,11 +9,15 @@ from mcpseg_cli.cli.options import OutputFile, Overwrite
 
 
 def import_weights(
-    checkpoint: Annotated[Path, typer.Argument(help="TensorFlow checkpoint, e.g. mcpnet_model_s3dis_5.ckpt.")],
+    checkpoint: Annotated[
+        Path, typer.Argument(metavar="CHECKPOINT", help="TensorFlow checkpoint, e.g. mcpnet_model_s3dis_5.ckpt.")
+    ],
     output: OutputFile,
     overwrite: Overwrite = False,
 ) -> None:
-    """Convert the MCPNet authors' TensorFlow checkpoint into weights; TensorFlow is not needed.
+    """Convert weights of the MCPNet authors.
+
+    Reads a TensorFlow checkpoint of theirs; TensorFlow is not needed.
 
     Example:
       mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors
@@ -26,6 +30,7 @@ def import_weights(
         raise typer.BadParameter(f"{output}: weights files end in .safetensors")
     if output.exists() and not overwrite:
         raise OutputError(f"{output}: exists; expected a new file; choose another -o or give --overwrite")
-    network, info = import_checkpoint(checkpoint)
+    prefix = checkpoint.with_suffix("") if checkpoint.suffix == ".index" else checkpoint
+    network, info = import_checkpoint(prefix)
     save_weights(output, network, info)
-    typer.echo(f"{output}: {info.architecture}, {len(info.classes)} classes, {info.context_window} context")
+    typer.echo(f"{output}: {info.architecture}, {len(info.classes)} classes")

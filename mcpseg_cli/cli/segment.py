@@ -36,18 +36,27 @@ if TYPE_CHECKING:
 
 def segment(
     scans: Annotated[
-        Path, typer.Argument(help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.")
+        Path,
+        typer.Argument(metavar="SCANS", help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order."),
     ],
-    poses: Annotated[Path, typer.Argument(help="Pose file: CSV with a header, TUM or KITTI.")],
+    poses: Annotated[Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")],
     output: OutputFolder,
     weights: WeightsName = "smoke-test",
     frame: Annotated[FrameChoice, typer.Option(help="Frame of the scans' coordinates.")] = FrameChoice.MAP,
-    voxel_size: Annotated[float, typer.Option(help="Edge of a voxel, metres.")] = 0.1,
+    voxel_size: Annotated[float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")] = 0.1,
     local_range: Annotated[
-        float, typer.Option("--range", help="Label points up to this far from the robot, horizontally, metres.")
+        float,
+        typer.Option("--range", metavar="METRES", help="Label points up to this far from the robot, horizontally."),
     ] = 2.0,
-    similarity: Annotated[float, typer.Option(help="Cosine similarity above which neighbours join one object.")] = 0.9,
-    floor: Annotated[str, typer.Option(help="Height of the floor: map, scan-min, or metres.")] = "map",
+    similarity: Annotated[
+        float, typer.Option(help="Cosine similarity, -1 to 1, above which neighbours join one object.")
+    ] = 0.9,
+    floor: Annotated[
+        str,
+        typer.Option(
+            metavar="map|scan-min|METRES", help="Height of the floor: seen in the map, lowest point, or known."
+        ),
+    ] = "map",
     format: Annotated[  # noqa: A002
         FormatChoice | None, typer.Option(help="Format of the labelled scans; default: each scan's own.")
     ] = None,
@@ -64,15 +73,17 @@ def segment(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Label a recording scan by scan: classes, objects and one growing map.
+    """Label a recording scan by scan.
 
-    OUTPUT gets map.ply (the whole labelled map), scans/ (every input scan with labels), objects.json, events.jsonl,
-    run.json and state.sqlite. Run the same command again to continue after an interruption or when scans were added.
+    Every point gets a class and an object id, and one labelled map grows. The output folder gets map.ply (the whole
+    labelled map), scans/ (every input scan with labels), objects.json, events.jsonl, run.json and state.sqlite. Run the
+    same command again to continue after an interruption, or when scans were added.
 
+    \b
     Examples:
       mcpseg segment scans/ poses.csv -o out/
-
-      mcpseg segment scans/ poses_kitti.txt --frame sensor -o out/ --json | jq .objects
+      mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
+      mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
     """
     from mcpseg_cli.cli.display import notice, progress_bar
     from mcpseg_cli.recording import open_recording, require_rotations
@@ -81,17 +92,18 @@ def segment(
     recording = open_recording(scans, poses)
     require_rotations(poses, frame.value)
 
-    from mcpseg_cli.segment_run import RunOptions, SegmentRun, clear_run
+    from mcpseg_cli.segment_run import RunOptions, SegmentRun, check_folders, clear_run
     from mcpseg_cli.segmenter import IncrementalSegmenter
     from mcpseg_cli.weights import find_weights, load_weights
 
+    check_folders(recording, output)
     loaded = load_weights(find_weights(weights))
     if loaded.info.notice:
         notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
     segmenter = IncrementalSegmenter(loaded, settings, precision=precision.value, device=device)
     options = RunOptions(frame.value, format.value if format else None, on_error.value, sys.argv)
     if overwrite:
-        clear_run(output)
+        clear_run(output, recording)
     with SegmentRun(recording, output, loaded, segmenter, options) as run, _Interrupt(quiet) as interrupt:
         tally = _Tally()
         if run.resumed_from and run.pending:
@@ -111,11 +123,19 @@ def segment(
                     )
         finally:
             run.write_objects()
+        if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
+            share = (
+                f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g} of their pose"
+            )
+            notice(f"mcpseg: only {share}: are the scans in the sensor's frame (--frame sensor)?", quiet=quiet)
         _print_summary(run, tally, as_json=as_json, verbose=verbose)
     if interrupt.asked and len(run.records) < len(recording):
         again = shlex.join(["mcpseg", *sys.argv[1:]])
         notice(f"mcpseg: interrupted after {len(run.records):,} of {len(recording):,} scans; continue with: {again}")
         raise typer.Exit(130)
+
+
+_FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
 @dataclass
@@ -125,10 +145,12 @@ class _Tally:
     ms: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
     points: int = 0
+    points_labelled: int = 0
 
     def add(self, report: ScanReport) -> None:
         self.points += report.num_points
         if report.update is not None:
+            self.points_labelled += int((report.update.point_ids >= 0).sum())
             self.ms.append(report.ms)
             self.stages.append(report.update.ms)
 
@@ -186,20 +208,23 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
 
     from mcpseg_cli.cli.display import print_table
 
-    p50, p95, slowest = np.percentile(tally.ms, (50, 95, 100)) if tally.ms else (0.0, 0.0, 0.0)
+    p50, p95, slowest = np.percentile(tally.ms, (50, 95, 100)).tolist() if tally.ms else (0.0, 0.0, 0.0)
     skipped = [record.name for record in run.records if record.error is not None]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     objects = run.segmenter.clusters.num_objects
+    pending = len(run.pending) + run.resumed_from - len(run.records)
     if as_json:
         document = {
             "scans": len(run.records),
+            "pending": pending,
             "voxels": len(run.segmenter.map),
             "objects": objects,
             "points": tally.points,
+            "points_labelled": tally.points_labelled,
             "skipped": skipped,
-            "ms_per_scan": {"p50": p50, "p95": p95, "max": slowest} if tally.ms else None,
-            "ms_by_stage": _stage_medians(tally),
-            "peak_memory_mb": peak_mb,
+            "ms_per_scan": {"p50": round(p50, 3), "p95": round(p95, 3), "max": round(slowest, 3)} if tally.ms else None,
+            "ms_by_stage": {stage: round(value, 3) for stage, value in _stage_medians(tally).items()},
+            "peak_memory_mb": round(peak_mb, 1),
             "resumed_from": run.resumed_from,
             "precision": run.segmenter.precision,
             "output": str(run.output),
@@ -207,16 +232,18 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
         typer.echo(json.dumps(document))
         return
     rows = [
-        ("scans", f"{len(run.records):,}" + (f" ({run.resumed_from:,} before)" if run.resumed_from else "")),
-        ("skipped", ", ".join(skipped) if skipped else "none"),
-        ("voxels", f"{len(run.segmenter.map):,}"),
-        ("objects", f"{objects:,}"),
-        ("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max" if tally.ms else "-"),
-        ("peak memory", f"{peak_mb:,.0f} MB"),
-        ("map", str(run.output / "map.ply")),
+        ("scans", f"{len(run.records):,}" + (f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""))
     ]
+    rows += [("still to do", f"{pending:,}")] if pending else []
+    rows += [("skipped", ", ".join(skipped))] if skipped else []
+    if tally.points:
+        rows.append(("points labelled", f"{tally.points_labelled:,} of {tally.points:,}"))
+    rows += [("voxels", f"{len(run.segmenter.map):,}"), ("objects", f"{objects:,}")]
+    if tally.ms:
+        rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
+    rows += [("peak memory", f"{peak_mb:,.0f} MB"), ("map", str(run.output / "map.ply"))]
     if verbose:
-        rows += [(f"ms {stage}", f"{value:.2f}") for stage, value in _stage_medians(tally).items()]
+        rows += [(f"median ms {stage}", f"{value:.2f}") for stage, value in _stage_medians(tally).items()]
     print_table(rows)
 
 

@@ -60,7 +60,7 @@ def test_overwrite_starts_again_with_other_settings(recording, tmp_path, weights
     segment(recording, tmp_path / "out", weights_path)
     refused = segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2)
     assert refused.exit_code == 1
-    assert "voxel_size 0.1, now 0.2" in refused.stderr
+    assert "--voxel-size 0.1, now 0.2" in refused.stderr
     assert segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2, "--overwrite").exit_code == 0
 
 
@@ -102,7 +102,16 @@ def test_the_floor_can_be_chosen(recording, tmp_path, weights_path, floor):
 
 
 @pytest.mark.parametrize(
-    "options", [["--voxel-size", "0"], ["--floor", "cellar"], ["--range", "-1"], ["--frame", "moon"], ["--seed", "-1"]]
+    "options",
+    [
+        ["--voxel-size", "0"],
+        ["--floor", "cellar"],
+        ["--floor", "nan"],
+        ["--range", "inf"],
+        ["--range", "-1"],
+        ["--frame", "moon"],
+        ["--seed", "-1"],
+    ],
 )
 def test_wrong_usage_exits_2(recording, tmp_path, weights_path, options):
     assert segment(recording, tmp_path / "out", weights_path, *options).exit_code == 2
@@ -223,11 +232,38 @@ def test_the_python_of_the_readme_runs(make_recording, tmp_path):
     from mcpseg_cli.recording import open_recording, read_scan
 
     scans = [read_scan(source, "map", 0.1)[0] for source in open_recording(*make_recording(tmp_path / "input"))]
-    code = re.search(r"```python\n(.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
+    code = re.search(r"```python\n(from mcpseg_cli.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
     names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
     exec(compile(code, "README.md", "exec"), names)  # our own text
     assert names["segmenter"].num_scans == 4
     assert sum(item.num_points for item in names["objects"]) == len(names["segmenter"].map)
+
+
+def test_the_open3d_lines_of_the_readme_run(make_recording, tmp_path, weights_path, monkeypatch):
+    segment(make_recording(tmp_path / "input"), tmp_path / "out", weights_path)
+    monkeypatch.chdir(tmp_path)
+    code = re.search(r"```python\n(import open3d.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
+    names = {}
+    exec(compile(code, "README.md", "exec"), names)  # our own text
+    assert len(names["on_floor"]) == len(read_cloud(tmp_path / "out/map.ply"))
+
+
+def test_overwrite_never_touches_the_input(make_recording, tmp_path, weights_path):
+    recording = make_recording(tmp_path / "own")
+    for output in (tmp_path / "own", recording[0]):
+        result = segment(recording, output, weights_path, "--overwrite")
+        assert result.exit_code == 1
+        assert "lies where results go" in result.stderr
+        assert len(list(recording[0].iterdir())) == 4
+
+
+def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weights_path):
+    lines = recording[1].read_text().splitlines()
+    far = [re.sub(r"^(\d+),([\d.]+),", r"\1,\2,1", line) for line in lines[1:]]
+    recording[1].write_text("\n".join([lines[0], *far]) + "\n")
+    result = segment(recording, tmp_path / "out", weights_path)
+    assert result.exit_code == 0
+    assert "only 0 of 3,200 points lie within --range 2 of their pose" in result.stderr
 
 
 def test_every_mcpseg_command_of_the_readme_parses():
