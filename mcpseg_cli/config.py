@@ -1,6 +1,6 @@
 """Settings with their defaults. Numbers from the paper appear here, once, with their section."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -36,5 +36,5 @@ class SegmentSettings(BaseModel):
     local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
     batch_size: int = Field(default=256, ge=1, le=65536)
     similarity: float = Field(default=0.9, ge=-1.0, le=1.0)
-    floor: FloorRule | float = "map"
+    floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)

@@ -32,6 +32,10 @@ class StateError(McpsegError):
     """A checkpoint that cannot be continued: in use, foreign, damaged or made under other settings."""
 
 
+class StateInUseError(StateError):
+    """A checkpoint that another process is writing."""
+
+
 class OutputError(McpsegError):
     """An output that cannot be written."""
 

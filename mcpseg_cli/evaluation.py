@@ -122,9 +122,23 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     if output.is_dir() and not (output / "map.ply").is_file():
         raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
     predicted = read_cloud(output / "map.ply" if output.is_dir() else output)
-    clouds = [read_cloud(path) for path in (list_clouds(truth) if truth.is_dir() else [truth])]
-    true_semantic = np.concatenate([_label(cloud, "semantic", truth) for cloud in clouds])
-    true_instance = np.concatenate([_label(cloud, "instance", truth) for cloud in clouds])
+    classes = predicted.classes
+    paths = list_clouds(truth) if truth.is_dir() else [truth]
+    clouds = [read_cloud(path) for path in paths]
+    if not classes:
+        classes = next((cloud.classes for cloud in clouds if cloud.classes), ()) or _numbered_classes(
+            [
+                _label(cloud, "semantic", path)
+                for cloud, path in zip([predicted, *clouds], [output, *paths], strict=True)
+            ]
+        )
+    true_semantic = np.concatenate(
+        [
+            remap_table(cloud.classes or classes, classes)[_label(cloud, "semantic", path)]
+            for cloud, path in zip(clouds, paths, strict=True)
+        ]
+    )
+    true_instance = np.concatenate([_label(cloud, "instance", path) for cloud, path in zip(clouds, paths, strict=True)])
     true_xyz = np.concatenate([cloud.xyz for cloud in clouds])
     distance, nearest = KDTree(true_xyz).query(predicted.xyz, distance_upper_bound=_voxel_size(output) / 2 + 1e-6)
     covered = np.isfinite(distance)
@@ -132,15 +146,14 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
         raise InputError(
             output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths"
         )
-    classes = predicted.classes or _class_names(predicted, true_semantic)
-    truth_classes = next((cloud.classes for cloud in clouds if cloud.classes), classes)
     pairs = nearest[covered]
-    semantic = remap_table(truth_classes, classes)[true_semantic[pairs]]
+    semantic = true_semantic[pairs]
     known = semantic != UNKNOWN
     predicted_semantic = _label(predicted, "semantic", output)[covered]
     in_object = true_instance[pairs] > 0
-    table = contingency(true_instance[pairs][in_object], _label(predicted, "instance", output)[covered][in_object])
-    nmi, homogeneity, completeness = information_scores(table) if in_object.any() else (0.0, 0.0, 0.0)
+    labels_pred = _label(predicted, "instance", output)[covered][in_object]
+    table = contingency(true_instance[pairs][in_object], labels_pred) if in_object.any() else None
+    nmi, homogeneity, completeness = (0.0, 0.0, 0.0) if table is None else information_scores(table)
     return Scores(
         points=len(predicted),
         covered=int(covered.sum()),
@@ -149,28 +162,37 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
         classes=classes,
         confusion=confusion_matrix(semantic[known], predicted_semantic[known], len(classes)),
         nmi=nmi,
-        ari=adjusted_rand_index(table) if in_object.any() else 0.0,
+        ari=0.0 if table is None else adjusted_rand_index(table),
         homogeneity=homogeneity,
         completeness=completeness,
-        objects_true=table.shape[0] if in_object.any() else 0,
-        objects_pred=table.shape[1] if in_object.any() else 0,
+        objects_true=0 if table is None else table.shape[0],
+        objects_pred=0 if table is None else table.shape[1],
     )
 
 
 def _label(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
-    """Take a label column as integers."""
+    """Take a label column as integers; ``semantic`` must fit a byte."""
     column = cloud.label(name)
     if column is None:
         raise InputError(
             source, f"points without {name}", "labelled clouds with semantic and instance", "check the path"
         )
+    if column.ndim != 1 or column.dtype.kind not in "iufb":
+        raise InputError(
+            source, f"{name} is {column.dtype} {column.shape}", "a number for each point", "mend the labels"
+        )
+    values = column.astype(np.float64)
+    low, high = (0, UNKNOWN) if name == "semantic" else (-(2**31), 2**31 - 1)
+    if not ((values >= low) & (values <= high)).all():
+        found = f"{name} from {values.min():g} to {values.max():g}"
+        raise InputError(source, found, f"whole numbers from {low} to {high}", "mend the labels")
     return column.astype(np.int64)
 
 
-def _class_names(predicted: Cloud, true_semantic: NDArray[np.int64]) -> tuple[str, ...]:
-    """Number the classes of clouds that name none."""
-    labels = np.concatenate([_label(predicted, "semantic", Path("map")), true_semantic])
-    return tuple(f"class_{index}" for index in range(int(labels[labels < UNKNOWN].max(initial=0)) + 1))
+def _numbered_classes(labels: list[NDArray[np.int64]]) -> tuple[str, ...]:
+    """Number the classes of clouds none of which names any."""
+    highest = max(int(part[part < UNKNOWN].max(initial=0)) for part in labels)
+    return tuple(f"class_{index}" for index in range(highest + 1))
 
 
 def _voxel_size(output: Path) -> float:
@@ -179,6 +201,9 @@ def _voxel_size(output: Path) -> float:
     if not path.is_file():
         return _DEFAULT_VOXEL
     try:
-        return float(json.loads(path.read_text())["configuration"]["voxel_size"])
+        size = float(json.loads(path.read_text())["configuration"]["voxel_size"])
+        if not 0.0 < size < np.inf:
+            raise ValueError(size)
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again") from error
+    return size

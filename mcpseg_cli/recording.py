@@ -40,12 +40,15 @@ def list_clouds(directory: Path) -> list[Path]:
     if not directory.is_dir():
         found = "a file" if directory.exists() else "no such folder"
         raise InputError(directory, found, "a folder of scans", "check the path")
-    paths = [path for path in directory.iterdir() if path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "."]
+    files = [path for path in directory.iterdir() if path.name[0] != "." and path.is_file()]
+    paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
     if not paths:
         raise InputError(directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path")
     paths.sort(key=_natural_order)
     seen: dict[str, Path] = {}
     for path in paths:
+        if any("\ud800" <= letter <= "\udfff" for letter in path.name):
+            raise InputError(directory, f"a scan called {path.name!r}", "a name in UTF-8", "rename it")
         if path.stem in seen:
             raise InputError(
                 directory,
@@ -57,12 +60,13 @@ def list_clouds(directory: Path) -> list[Path]:
     return paths
 
 
-def open_recording(directory: Path, poses_path: Path) -> list[ScanFile]:
+def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> list[ScanFile]:
     """Pair the scans of a folder with their poses; nothing but names and poses is read yet.
 
     Args:
         directory: Folder of scans.
         poses_path: Pose file; rows pair with scans by its ``scan`` column (with or without ending), else by order.
+        frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an orientation.
 
     Returns:
         The scans in natural order.
@@ -72,6 +76,10 @@ def open_recording(directory: Path, poses_path: Path) -> list[ScanFile]:
     """
     paths = list_clouds(directory)
     table = read_poses(poses_path)
+    if frame == "sensor" and not table.has_rotation:
+        raise InputError(
+            poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+        )
     farthest = np.abs(table.poses[:, :3, 3]).max()
     if farthest >= MAX_COORDINATE:
         remedy = "subtract a common offset from scans and poses, or convert millimetres to metres"
@@ -104,18 +112,6 @@ def _pair_by_name(poses_path: Path, paths: list[Path], table: PoseTable, scans: 
             poses_path, f"a pose for {name}, which is not among the scans", "a scan for every row", "remove the row"
         )
     return recording
-
-
-def require_rotations(poses_path: Path, frame: Frame) -> None:
-    """Refuse poses without orientation for scans in the sensor's frame.
-
-    Raises:
-        InputError: ``frame`` is ``sensor`` and the file gives positions only.
-    """
-    if frame == "sensor" and not read_poses(poses_path).has_rotation:
-        raise InputError(
-            poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map"
-        )
 
 
 def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:

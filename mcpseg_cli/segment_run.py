@@ -15,8 +15,8 @@ import numpy as np
 
 from mcpseg_cli import __version__
 from mcpseg_cli.config import Frame, SegmentSettings
-from mcpseg_cli.errors import InputError, OutputError, StateError, naming
-from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, Cloud, write_cloud
+from mcpseg_cli.errors import InputError, OutputError, StateError, StateInUseError, naming
+from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, Cloud, write_cloud, write_partial
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import ScanFile, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
@@ -90,6 +90,7 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self._options = options
+        self._is_committed = True
         check_folders(recording, output)
         _check_outputs(output)
         (output / "scans").mkdir(parents=True, exist_ok=True)
@@ -139,6 +140,7 @@ class SegmentRun:
                 yield self._skip(source, error, started)
                 continue
             read_ms = 1e3 * (perf_counter() - started)
+            self._is_committed = False
             update = self.segmenter.register_scan(scan)
             update = replace(update, ms={"read": read_ms, **update.ms})
             record = replace(
@@ -148,7 +150,9 @@ class SegmentRun:
             yield self._finish_scan(source, cloud, update, record, started)
 
     def write_objects(self) -> None:
-        """Write objects.json from the map as it is now."""
+        """Write objects.json from the map as it is now; not after a failed commit: the map is ahead of the run then."""
+        if not self._is_committed:
+            return
         objects = self.segmenter.objects()
         _replace_text(self.output / "objects.json", json.dumps([asdict(item) for item in objects], indent=1) + "\n")
 
@@ -156,14 +160,24 @@ class SegmentRun:
         self, source: ScanFile, cloud: Cloud, update: ScanUpdate, record: ScanRecord, started: float
     ) -> ScanReport:
         """Commit a scan, then bring the outputs up to date; from the commit on nothing of it can be lost."""
-        before = perf_counter()
-        self._state.commit(record, self.segmenter.rows(update.first_new), update.merges)
-        committed = perf_counter()
-        self.records.append(record)
-        self._map.update(self.segmenter.rows(), update.changed)
         labels = self.segmenter.labels(update.point_ids)
-        write_cloud(self._labelled_scan(source.path.name), cloud.with_labels(labels))
-        ms = update.ms | {"commit": 1e3 * (committed - before), "write": 1e3 * (perf_counter() - committed)}
+        path = self._labelled_scan(source.path.name)
+        before = perf_counter()
+        partial = write_partial(path, cloud.with_labels(labels))  # what cannot be written is not committed
+        written = perf_counter()
+        record = replace(record, output_size=partial.stat().st_size)
+        try:
+            self._state.commit(record, self.segmenter.rows(update.first_new), update.merges)
+        except BaseException:
+            partial.unlink()
+            raise
+        committed = perf_counter()
+        self._is_committed = True
+        self.records.append(record)
+        partial.replace(path)
+        self._map.update(self.segmenter.rows(), update.changed)
+        write_s = written - before + perf_counter() - committed
+        ms = update.ms | {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
         self._append_event(record.event, ms)
         return ScanReport(
             record.name, record.num_points, replace(update, ms=ms), None, 1e3 * (perf_counter() - started)
@@ -175,7 +189,7 @@ class SegmentRun:
         event = json.dumps({"scan": number, "name": source.path.name, "skipped": str(error)})
         floor = self.records[-1].floor if self.records else None
         num_voxels = len(self.segmenter.map)
-        record = ScanRecord(source.path.name, 0, 0, "", source.pose, 0, num_voxels, floor, str(error), event)
+        record = ScanRecord(source.path.name, 0, 0, "", source.pose, 0, num_voxels, floor, str(error), event, 0)
         self._state.commit(record, self.segmenter.rows(num_voxels), np.empty((0, 2), np.int32))
         self.records.append(record)
         self._append_event(event, None)
@@ -215,7 +229,7 @@ class SegmentRun:
         self._reconcile_events()
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
             path = self._labelled_scan(record.name)
-            if record.error is None and not (path.is_file() and path.stat().st_size):
+            if record.error is None and not (path.is_file() and path.stat().st_size == record.output_size):
                 scan, cloud = read_scan(source, self._options.frame, self.segmenter.settings.voxel_size)
                 point_ids = self.segmenter.find_points(scan)
                 labels = self.segmenter.labels(point_ids)
@@ -225,10 +239,10 @@ class SegmentRun:
     def _reconcile_events(self) -> None:
         """Keep the complete lines of events.jsonl that belong to committed scans; take the rest from the checkpoint."""
         path = self.output / "events.jsonl"
-        lines = path.read_text().split("\n")[:-1] if path.exists() else []
+        lines = path.read_text(errors="replace").split("\n")[:-1] if path.exists() else []
         kept = 0
         for record, line in zip(self.records, lines, strict=False):
-            if not line.startswith(record.event[:-1]):
+            if not (line.startswith(record.event[:-1]) and _is_json(line)):
                 break
             kept += 1
         if kept != len(self.records) or kept != len(lines):
@@ -291,9 +305,10 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
         try:
             with State(output / "state.sqlite") as state:
                 stems |= {Path(record.name).stem for record in state.scans()}
-        except StateError as error:
-            if "in use" in str(error):
-                raise
+        except StateInUseError:
+            raise
+        except StateError:
+            pass  # damaged: its names are not needed to delete it
     for name in _OUTPUTS:
         (output / name).unlink(missing_ok=True)
     for path in (output / "scans").glob("*"):
@@ -363,7 +378,9 @@ def _fingerprint(source: ScanFile) -> ScanRecord:
     status = source.path.stat()
     with source.path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return ScanRecord(source.path.name, status.st_size, status.st_mtime_ns, digest, source.pose, 0, 0, None, None, "")
+    return ScanRecord(
+        source.path.name, status.st_size, status.st_mtime_ns, digest, source.pose, 0, 0, None, None, "", 0
+    )
 
 
 def _event(number: int, source: ScanFile, num_points: int, segmenter: IncrementalSegmenter, update: ScanUpdate) -> str:
@@ -383,6 +400,14 @@ def _event(number: int, source: ScanFile, num_points: int, segmenter: Incrementa
             "floor": update.floor,
         }
     )
+
+
+def _is_json(line: str) -> bool:
+    try:
+        json.loads(line)
+    except ValueError:
+        return False
+    return True
 
 
 def _replace_text(path: Path, text: str) -> None:

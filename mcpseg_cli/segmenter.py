@@ -256,7 +256,7 @@ class IncrementalSegmenter:
         tiles do not depend on how many workers there are, and so neither do the labels.
         """
         uniform = rng.random((len(ids), self.info.num_context), np.float32)
-        num_tiles = 2 * -(-len(ids) // (2 * _TILE_VOXELS)) if self._device.type == "cpu" else 1
+        num_tiles = min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids)) if self._device.type == "cpu" else 1
         tiles = self._workers.map(self._pool_tile, np.array_split(ids, num_tiles), np.array_split(uniform, num_tiles))
         return torch.cat(list(tiles))
 
@@ -309,8 +309,10 @@ def _cpu_has_bf16() -> bool:
 
 def _torch_device(name: str) -> torch.device:
     try:
-        return torch.empty(0, device=name).device
-    except (RuntimeError, AssertionError) as error:
+        probe = torch.zeros(1, device=name)
+        probe.cpu()
+        return probe.device
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
         raise McpsegError(
             f"--device {name}: not available here; expected cpu or a device torch knows; use cpu"
         ) from error

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.clustering import resolve
 from mcpseg_cli.config import EMBEDDING
-from mcpseg_cli.errors import OutputError, StateError
+from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 
 SCHEMA_VERSION = 1
 _APPLICATION_ID = 0x6D637073  # "mcps"
@@ -29,11 +30,11 @@ CREATE TABLE configuration (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT R
 CREATE TABLE scans (
     number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, size INTEGER NOT NULL, mtime_ns INTEGER NOT NULL,
     sha256 TEXT NOT NULL, pose BLOB NOT NULL, num_points INTEGER NOT NULL, num_voxels INTEGER NOT NULL, floor REAL,
-    error TEXT, event TEXT NOT NULL);
-CREATE TABLE merges (scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL);
+    error TEXT, event TEXT NOT NULL, output_size INTEGER NOT NULL, num_merges INTEGER NOT NULL);
+CREATE TABLE merges (scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE voxels (
     first_id INTEGER PRIMARY KEY, count INTEGER NOT NULL, xyz BLOB NOT NULL, rgb BLOB NOT NULL, semantic BLOB NOT NULL,
-    confidence BLOB NOT NULL, instance BLOB NOT NULL, embedding BLOB NOT NULL);
+    confidence BLOB NOT NULL, instance BLOB NOT NULL, embedding BLOB NOT NULL, crc INTEGER NOT NULL);
 """
 
 
@@ -86,6 +87,7 @@ class ScanRecord:
         floor: Floor height after it, metres, map frame.
         error: Why it was skipped, or None.
         event: Its line of events.jsonl.
+        output_size: Bytes of its labelled copy.
     """
 
     name: str
@@ -98,6 +100,7 @@ class ScanRecord:
     floor: float | None
     error: str | None
     event: str
+    output_size: int
 
 
 class State:
@@ -138,7 +141,12 @@ class State:
         """Return the configuration the run was started with; None for a new checkpoint."""
         with self._explained():
             rows = self._db.execute("SELECT key, value FROM configuration").fetchall()
-        return {key: json.loads(value) for key, value in rows} or None
+        if not rows and self._num_scans:
+            raise self._damaged("no configuration")
+        try:
+            return {key: json.loads(value) for key, value in rows} or None
+        except (ValueError, TypeError) as error:
+            raise self._damaged("configuration") from error
 
     def set_configuration(self, configuration: dict[str, object]) -> None:
         """Write down the configuration of a new run."""
@@ -162,16 +170,17 @@ class State:
             number = self._num_scans
             identity = (number, record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes())
             outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
-            self._db.execute("INSERT INTO scans VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", identity + outcome)
+            sizes = (record.output_size, len(merges))
+            self._db.execute(f"INSERT INTO scans VALUES ({_holes(13)})", identity + outcome + sizes)
             if len(merges):
-                self._db.execute("INSERT INTO merges VALUES (?, ?)", (number, merges.astype("<i4").tobytes()))
+                pairs = merges.astype("<i4").tobytes()
+                self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs)))
             for start in range(0, len(rows), _PART_ROWS):
                 parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
                 first_id = record.num_voxels - len(rows) + start
                 blobs = [np.ascontiguousarray(part).data for part in parts]
-                self._db.execute(
-                    "INSERT INTO voxels VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (first_id, len(parts[0]), *blobs)
-                )
+                values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
+                self._db.execute(f"INSERT INTO voxels VALUES ({_holes(9)})", values)
         self._num_scans += 1
 
     def scans(self) -> list[ScanRecord]:
@@ -179,42 +188,58 @@ class State:
         with self._explained():
             rows = self._db.execute("SELECT * FROM scans ORDER BY number").fetchall()
         records = []
-        for _, name, size, mtime_ns, sha256, pose, *outcome in rows:
+        for expected, (number, name, size, mtime_ns, sha256, pose, *outcome) in enumerate(rows):
+            if number != expected or not isinstance(pose, bytes) or len(pose) != 16 * 8:
+                raise self._damaged(f"scan {expected:,}")
             matrix = np.frombuffer(pose, np.float64).reshape(4, 4)
-            records.append(ScanRecord(name, size, mtime_ns, sha256, matrix, *outcome))
+            records.append(ScanRecord(name, size, mtime_ns, sha256, matrix, *outcome[:-1]))
         return records
 
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
-        """Return (P, 2) int32 merges in order: all, or those of scans up to number ``until``."""
+        """Return (P, 2) int32 merges in order: all, or those of scans up to number ``until``.
+
+        Raises:
+            StateError: Some are missing or changed.
+        """
+        last = 1 << 60 if until is None else until
         with self._explained():
-            rows = self._db.execute(
-                "SELECT pairs FROM merges WHERE scan <= ? ORDER BY scan", (1 << 60 if until is None else until,)
-            ).fetchall()
-        return np.frombuffer(b"".join(row[0] for row in rows), "<i4").reshape(-1, 2).astype(np.int32)
+            rows = self._db.execute("SELECT pairs, crc FROM merges WHERE scan <= ? ORDER BY scan", (last,)).fetchall()
+            (count,) = self._db.execute("SELECT total(num_merges) FROM scans WHERE number <= ?", (last,)).fetchone()
+        if any(not isinstance(pairs, bytes) or zlib.crc32(pairs) != crc for pairs, crc in rows):
+            raise self._damaged("merges")
+        merges = np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4").reshape(-1, 2).astype(np.int32)
+        if len(merges) != count:
+            raise self._damaged("merges")
+        return merges
 
     def map_rows(self) -> Iterator[MapRows]:
         """Iterate over every voxel as first seen, in id order, a scan or part of a scan at a time.
 
         Raises:
-            StateError: A part is missing or cut.
+            StateError: A part is missing, cut or changed.
         """
         expected = 0
         with self._explained():
             names = ", ".join(_COLUMNS)
-            for first_id, count, *blobs in self._db.execute(
-                f"SELECT first_id, count, {names} FROM voxels ORDER BY first_id"
+            for first_id, count, *blobs, crc in self._db.execute(
+                f"SELECT first_id, count, {names}, crc FROM voxels ORDER BY first_id"
             ):
-                try:
-                    arrays = [
-                        np.frombuffer(blob, dtype).reshape(count, *shape)
-                        for blob, (dtype, shape) in zip(blobs, _COLUMNS.values(), strict=True)
-                    ]
-                except ValueError as error:
-                    raise self._damaged(f"voxels from {first_id:,}") from error
-                if first_id != expected:
+                if (
+                    first_id != expected
+                    or not all(isinstance(blob, bytes) for blob in blobs)
+                    or _checksum(blobs) != crc
+                ):
                     raise self._damaged(f"voxels from {expected:,}")
                 expected += count
-                yield MapRows(*arrays)
+                yield MapRows(
+                    *(
+                        np.frombuffer(blob, dtype).reshape(count, *shape)
+                        for blob, (dtype, shape) in zip(blobs, _COLUMNS.values(), strict=True)
+                    )
+                )
+            last = self._db.execute("SELECT num_voxels FROM scans ORDER BY number DESC LIMIT 1").fetchone()
+        if expected != (last[0] if last else 0):
+            raise self._damaged(f"voxels from {expected:,}")
 
     def instance_after(self, scan: int) -> NDArray[np.int32]:
         """Return (V,) int32 object ids as they were after scan number ``scan``; later voxels have ids too."""
@@ -272,7 +297,7 @@ class State:
         except sqlite3.Error as error:
             reason = str(error)
             if "locked" in reason:
-                raise StateError(
+                raise StateInUseError(
                     f"{self.path}: in use by another mcpseg; expected one writer; wait for it or choose another -o"
                 ) from error
             if "full" in reason or "I/O" in reason or "readonly" in reason or "unable to open" in reason:
@@ -281,3 +306,15 @@ class State:
                     "make space and run the same command again, finished scans are kept"
                 ) from error
             raise self._damaged(reason) from error
+
+
+def _checksum(blobs: Sequence[bytes | memoryview]) -> int:
+    """Checksum some blobs as one."""
+    crc = 0
+    for blob in blobs:
+        crc = zlib.crc32(blob, crc)
+    return crc
+
+
+def _holes(count: int) -> str:
+    return ", ".join("?" * count)

@@ -90,6 +90,8 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
     Raises:
         WeightsError: A file is missing, damaged or not a TensorBundle.
     """
+    if not prefix.name:
+        raise WeightsError(str(prefix), "a folder", "a checkpoint's name", "give the name before .index")
     index_path, data_path = (
         prefix.with_name(f"{prefix.name}.index"),
         prefix.with_name(f"{prefix.name}.data-00000-of-00001"),

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.recording import ScanFile, list_clouds, open_recording, read_scan, require_rotations
+from mcpseg_cli.recording import ScanFile, list_clouds, open_recording, read_scan
 
 
 def make_scans(folder: Path, names: list[str]) -> Path:
@@ -173,10 +173,13 @@ def test_a_pose_that_carries_a_scan_too_far_is_refused(tmp_path: Path) -> None:
 
 
 def test_positions_alone_are_refused_for_scans_in_the_sensors_frame(tmp_path: Path) -> None:
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    write_cloud(scans / "a.ply", Cloud({axis: np.zeros(1, np.float32) for axis in "xyz"}))
     poses = write_poses(tmp_path / "poses.csv", ["a"])
     with pytest.raises(InputError, match="positions only"):
-        require_rotations(poses, "sensor")
-    require_rotations(poses, "map")
+        open_recording(scans, poses, "sensor")
+    assert open_recording(scans, poses, "map")
 
 
 def test_a_recording_in_the_sensors_frame_is_the_same_as_in_the_maps(tmp_path: Path, make_recording) -> None:

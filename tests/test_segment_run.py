@@ -11,7 +11,7 @@ import pytest
 from mcpseg_cli import segment_run
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.errors import McpsegError, OutputError, StateError
-from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import open_recording
 from mcpseg_cli.segment_run import RunOptions, SegmentRun, clear_run
@@ -123,7 +123,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one_byte_for_byte(recording, tmp_
 @pytest.mark.parametrize(
     ("owner", "name"),
     [
-        (State, "commit"), (LabelledMap, "update"), (LabelledMap, "_write"), (segment_run, "write_cloud"),
+        (State, "commit"), (LabelledMap, "update"), (LabelledMap, "_write"), (segment_run, "write_partial"),
         (SegmentRun, "_append_event"), (SegmentRun, "write_objects"),
     ],
 )  # fmt: skip
@@ -342,3 +342,100 @@ def test_a_scan_wholly_out_of_range_changes_nothing(recording, tmp_path, weights
     run_all(recording, tmp_path / "out", weights_path)
     assert events_of(tmp_path / "out")[2]["voxels_new"] == 0
     assert set(read_cloud(tmp_path / "out/scans/000002.ply").label("semantic").tolist()) == {255}
+
+
+def test_a_scan_that_adds_a_single_voxel_is_labelled(recording, tmp_path, weights_path):
+    scans, poses = recording
+    first = read_cloud(scans / "000000.ply")
+    one_more = {name: np.append(column, column[-1:]) for name, column in first.columns.items()}
+    one_more["z"][-1] = 1.99
+    one_more["y"][-1] = 0.05
+    write_cloud(scans / "000000b.ply", Cloud(one_more))
+    lines = poses.read_text().splitlines()
+    poses.write_text("\n".join([*lines, lines[1].replace("000000", "000000b", 1)]) + "\n")
+    run_all(recording, tmp_path / "out", weights_path)
+    assert events_of(tmp_path / "out")[1]["voxels_new"] == 1
+
+
+def test_a_scan_whose_labelled_copy_cannot_be_written_is_not_committed(recording, tmp_path, weights_path):
+    columns = read_cloud(recording[0] / "000002.ply").columns
+    np.savez(
+        recording[0] / "000002.npz", xyz=np.column_stack([columns[axis] for axis in "xyz"]), when=np.full(800, "noon")
+    )
+    (recording[0] / "000002.ply").unlink()
+    with pytest.raises(OutputError, match=r"000002\.ply: attribute when"):
+        run_all(recording, tmp_path / "out", weights_path, options=RunOptions(format="ply"))
+    assert len(events_of(tmp_path / "out")) == 2
+    np.savez(recording[0] / "000002.npz", xyz=np.column_stack([columns[axis] for axis in "xyz"]))
+    run = run_all(recording, tmp_path / "out", weights_path, options=RunOptions(format="ply"))
+    assert (run.resumed_from, len(run.records)) == (2, 5)
+
+
+def test_objects_are_not_written_from_a_scan_that_was_not_committed(recording, tmp_path, weights_path, monkeypatch):
+    weights = load_weights(weights_path)
+    with SegmentRun(
+        open_recording(*recording), tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
+    ) as run:
+        scans = run.run()
+        next(scans)
+        run.write_objects()
+        before = (tmp_path / "out/objects.json").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(State, "commit", lambda *_: (_ for _ in ()).throw(OutputError("full")))
+            with pytest.raises(OutputError):
+                next(scans)
+        run.write_objects()
+    assert (tmp_path / "out/objects.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("garbage", [b"\xff\xfe\x00" * 50, b"not json\n" * 9])
+def test_a_damaged_events_file_is_rebuilt(recording, tmp_path, weights_path, garbage):
+    run_all(recording, tmp_path / "out", weights_path)
+    (tmp_path / "out/events.jsonl").write_bytes(garbage)
+    run_all(recording, tmp_path / "out", weights_path)
+    assert [event["scan"] for event in events_of(tmp_path / "out")] == [0, 1, 2, 3, 4]
+
+
+def test_garbage_behind_an_event_is_noticed(recording, tmp_path, weights_path):
+    run_all(recording, tmp_path / "out", weights_path)
+    path = tmp_path / "out/events.jsonl"
+    path.write_text(path.read_text().replace("}\n", "} GARBAGE\n", 1))
+    run_all(recording, tmp_path / "out", weights_path)
+    assert len(events_of(tmp_path / "out")) == 5
+
+
+def test_a_cut_labelled_scan_is_written_again(recording, tmp_path, weights_path):
+    run_all(recording, tmp_path / "out", weights_path)
+    before = outputs_of(tmp_path / "out")
+    path = tmp_path / "out/scans/000001.ply"
+    path.write_bytes(path.read_bytes()[:100])
+    run_all(recording, tmp_path / "out", weights_path)
+    assert outputs_of(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM merges",
+        "DELETE FROM scans",
+        "DELETE FROM scans WHERE number = 1",
+        "DELETE FROM configuration",
+        "DELETE FROM voxels WHERE first_id > 0",
+        "UPDATE configuration SET value = '{' WHERE key = 'seed'",
+        "UPDATE scans SET pose = x'00' WHERE number = 1",
+        "UPDATE voxels SET rgb = 'abc' WHERE first_id = 0",
+        "UPDATE voxels SET count = count - 1 WHERE first_id = 0",
+        "UPDATE voxels SET instance = zeroblob(length(instance)) WHERE first_id = 0",
+        "UPDATE voxels SET xyz = randomblob(length(xyz)) WHERE first_id = 0",
+        "UPDATE merges SET pairs = x'ffffffff00000000'",
+    ],
+)
+def test_a_tampered_checkpoint_is_refused(recording, tmp_path, weights_path, statement):
+    import sqlite3
+
+    run_all(recording, tmp_path / "out", weights_path)
+    with sqlite3.connect(tmp_path / "out/state.sqlite") as database:
+        assert database.execute(statement).rowcount > 0
+    database.close()
+    with pytest.raises(StateError, match=r"state\.sqlite: damaged"):
+        run_all(recording, tmp_path / "out", weights_path)

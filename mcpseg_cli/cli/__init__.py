@@ -1,5 +1,8 @@
 """The ``mcpseg`` command. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
 
+import sys
+from io import TextIOWrapper
+
 import typer
 
 from mcpseg_cli.cli.boundary import OneLineErrors
@@ -42,5 +45,8 @@ app.command("import-weights")(import_weights)
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; what a terminal's encoding lacks is printed as an escape."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     app()

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
-from contextlib import AbstractContextManager
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 
-def notice(line: str, *, quiet: bool = False) -> None:
-    """Print one line on stderr unless ``quiet``."""
+def notice(line: str, *, quiet: bool = False, console: Console | None = None) -> None:
+    """Print one line on stderr unless ``quiet``; while a progress bar is up, through its ``console``."""
     if not quiet:
-        Console(stderr=True).print(line, markup=False, highlight=False, soft_wrap=True)
+        target = console or Console(stderr=True)
+        target.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
 def progress_bar(*, quiet: bool) -> Progress:
@@ -42,14 +43,11 @@ def print_table(rows: Iterable[tuple[str, str]]) -> None:
     if not console.is_terminal:
         pairs = list(rows)
         width = max(len(name) for name, _ in pairs)
-        sys.stdout.write("".join(f"{name:<{width}}  {value}\n" for name, value in pairs))
+        typer.echo("".join(f"{name:<{width}}  {value}\n" for name, value in pairs), nl=False)
         return
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, value)
-    console.print(table, markup=False, highlight=False)
-
-
-__all__ = ["AbstractContextManager", "notice", "print_table", "progress_bar"]
+        table.add_row(Text(name), Text(value))
+    console.print(table, markup=False, highlight=False, emoji=False)

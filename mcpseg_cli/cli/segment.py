@@ -86,11 +86,10 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
     """
     from mcpseg_cli.cli.display import notice, progress_bar
-    from mcpseg_cli.recording import open_recording, require_rotations
+    from mcpseg_cli.recording import open_recording
 
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
-    recording = open_recording(scans, poses)
-    require_rotations(poses, frame.value)
+    recording = open_recording(scans, poses, frame.value)
 
     from mcpseg_cli.segment_run import RunOptions, SegmentRun, check_folders, clear_run
     from mcpseg_cli.segmenter import IncrementalSegmenter
@@ -98,14 +97,14 @@ def segment(
 
     check_folders(recording, output)
     loaded = load_weights(find_weights(weights))
-    if loaded.info.notice:
-        notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
     segmenter = IncrementalSegmenter(loaded, settings, precision=precision.value, device=device)
     options = RunOptions(frame.value, format.value if format else None, on_error.value, sys.argv)
     if overwrite:
         clear_run(output, recording)
     with SegmentRun(recording, output, loaded, segmenter, options) as run, _Interrupt(quiet) as interrupt:
         tally = _Tally()
+        if loaded.info.notice:
+            notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
         if run.resumed_from and run.pending:
             notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
         elif not run.pending:
@@ -116,7 +115,7 @@ def segment(
                 for report in run.run(lambda: interrupt.asked):
                     tally.add(report)
                     if report.error:
-                        notice(f"mcpseg: skipped: {report.error}", quiet=quiet)
+                        notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
                     objects = segmenter.clusters.num_objects
                     bar.update(
                         task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects:,} objects"
@@ -156,18 +155,19 @@ class _Tally:
 
 
 class _Interrupt:
-    """Ctrl-C asks the run to stop after the scan at hand; a second Ctrl-C stops at once."""
+    """Ctrl-C or SIGTERM asks the run to stop after the scan at hand; a second one stops at once."""
 
     def __init__(self, quiet: bool) -> None:
         self.asked = False
         self._quiet = quiet
 
     def __enter__(self) -> _Interrupt:
-        self._before = signal.signal(signal.SIGINT, self._ask)
+        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(self, *_: object) -> None:
-        signal.signal(signal.SIGINT, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         if self.asked:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError, naming
@@ -50,25 +51,45 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         OutputError: The format is not supported, or has no room for an attribute.
         OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
     """
+    write_partial(path, cloud).replace(path)
+
+
+def write_partial(path: Path, cloud: Cloud) -> Path:
+    """Write a point cloud file under a temporary name beside ``path``, to be renamed when its time has come.
+
+    Args:
+        path: As for ``write_cloud``.
+        cloud: As for ``write_cloud``.
+
+    Returns:
+        The complete temporary file.
+
+    Raises:
+        OutputError: As for ``write_cloud``.
+        OSError: As for ``write_cloud``; nothing is left behind.
+    """
     suffix = path.suffix.lower()
-    partial = path.with_name(f".{path.stem}{PARTIAL}{suffix}")
+    if suffix not in CLOUD_SUFFIXES:
+        raise OutputError(
+            f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
+        )
+    partial = path.with_name(f".{os.getpid()}{PARTIAL}{suffix}")
     try:
-        if suffix in CLOUD_SUFFIXES:
+        with naming(path):
             _write_stream(partial, cloud)
-        else:
-            raise OutputError(
-                f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
-            )
-        partial.replace(path)
+    except OutputError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(f"{path}: {error}") from error
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+    return partial
 
 
 def _write_stream(path: Path, cloud: Cloud) -> None:
     """Write one of the formats; all go through a Python file, so that a full disk is an OSError."""
     suffix = path.suffix.lower()
-    with naming(path), path.open("wb") as file:
+    with path.open("wb") as file:
         if suffix == ".ply":
             from mcpseg_cli.formats.ply import write_ply
 
@@ -87,4 +108,4 @@ def _write_stream(path: Path, cloud: Cloud) -> None:
             write_las(file, cloud, compress=suffix == ".laz")
 
 
-__all__ = ["CLOUD_SUFFIXES", "Cloud", "Labels", "read_cloud", "write_cloud"]
+__all__ = ["CLOUD_SUFFIXES", "PARTIAL", "Cloud", "Labels", "read_cloud", "write_cloud", "write_partial"]

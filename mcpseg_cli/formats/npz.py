@@ -45,6 +45,8 @@ def read_npz(path: Path) -> Cloud:
         raise InputError(path, f"{', '.join(doubled)} beside xyz", "coordinates once", f"remove {', '.join(doubled)}")
     classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
     columns: dict[str, NDArray[np.generic]] = {}
+    if "" in arrays:
+        raise InputError(path, "an array without a name", "a name for every array", "save it again")
     for name, array in arrays.items():
         if array.ndim == 0 or len(array) != len(xyz):
             raise InputError(

@@ -274,3 +274,70 @@ def test_every_mcpseg_command_of_the_readme_parses():
         options = re.findall(r" (--?[a-z-]+)", rest)
         help_text = invoke(name, "--help").stdout
         assert all(option in help_text for option in options), (name, options)
+
+
+@pytest.mark.parametrize(
+    ("name", "labels", "found"),
+    [
+        ("semantic", np.full(9, 300), "semantic from 300 to 300"),
+        ("semantic", np.full(9, np.nan), "semantic from nan"),
+        ("semantic", np.full(9, "wall"), "semantic is"),
+        ("instance", np.zeros((9, 2), int), "instance is"),
+    ],
+)
+def test_eval_names_labels_that_make_no_sense(tmp_path, name, labels, found):
+    arrays = {"xyz": np.random.default_rng(0).random((9, 3)), "semantic": np.zeros(9, int), "instance": np.ones(9, int)}
+    np.savez(tmp_path / "truth.npz", **(arrays | {name: labels}))
+    result = invoke("eval", tmp_path / "truth.npz", tmp_path / "truth.npz")
+    assert result.exit_code == 1
+    assert f"truth.npz: {found}" in result.stderr
+
+
+def test_eval_without_true_objects_scores_the_classes(tmp_path):
+    truth = read_cloud(WALK / "gt/000000.ply")
+    none = np.zeros(len(truth), np.int32)
+    write_cloud(tmp_path / "truth.ply", Cloud(truth.columns | {"instance": none}, truth.classes))
+    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", tmp_path / "truth.ply", "--json").stdout)
+    assert (scores["point_accuracy"], scores["in_objects"], scores["nmi"]) == (1.0, 0, 0.0)
+
+
+def test_every_file_of_the_truth_may_have_its_own_class_order(tmp_path):
+    (tmp_path / "gt").mkdir()
+    for number in (0, 1):
+        truth = read_cloud(WALK / f"gt/00000{number}.ply")
+        classes, semantic = truth.classes, truth.label("semantic")
+        if number:
+            classes, semantic = tuple(reversed(classes)), (len(classes) - 1 - semantic).astype(np.uint8)
+        write_cloud(tmp_path / f"gt/{number}.ply", Cloud(truth.columns | {"semantic": semantic}, classes))
+    for number in (0, 1):
+        scores = json.loads(invoke("eval", WALK / f"gt/00000{number}.ply", tmp_path / "gt", "--json").stdout)
+        assert scores["point_accuracy"] > 0.99
+
+
+def test_eval_of_a_missing_path_says_so(tmp_path):
+    assert "nowhere: no such file or folder" in invoke("eval", tmp_path / "nowhere", WALK / "gt").stderr
+
+
+def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
+    import signal
+    import time
+
+    scans, poses = make_recording(tmp_path / "input", num_scans=300)
+    arguments = ["segment", str(scans), str(poses), "-o", str(tmp_path / "out"), "-w", str(weights_path), "-q"]
+    process = subprocess.Popen([sys.executable, "-m", "mcpseg_cli", *arguments], stderr=subprocess.PIPE, text=True)
+    events = tmp_path / "out/events.jsonl"
+    while process.poll() is None and not (events.exists() and events.stat().st_size):
+        time.sleep(0.005)
+    process.send_signal(signal.SIGTERM)
+    assert "continue with: mcpseg segment" in process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+
+
+def test_results_survive_a_closed_stdout(recording, tmp_path, weights_path):
+    scans, poses = recording
+    arguments = f"segment {scans} {poses} -o {tmp_path}/out -w {weights_path} -q"
+    result = subprocess.run(
+        f"{sys.executable} -m mcpseg_cli {arguments} >&-", shell=True, stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert "Traceback" not in result.stderr
+    assert (tmp_path / "out/objects.json").exists()
