@@ -720,3 +720,13 @@ def test_ascii_vertices_of_random_text_give_a_sound_cloud_or_an_input_error(tmp_
     header = f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n"
     header += "property float x\nproperty uchar y\nproperty int z\nend_header\n"
     read_or_refuse(tmp_path / "a.ply", (header + "\n".join(rows) + "\n").encode())
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".las", ".pcd"])
+def test_attributes_whose_names_come_to_be_alike_are_all_kept(tmp_path: Path, suffix: str) -> None:
+    columns = {axis: np.zeros(3, np.float32) for axis in "xyz"}
+    columns |= {"a": np.array([[1, 2]] * 3, np.int32), "a_0": np.full(3, 3, np.int32)}
+    columns |= {"b c": np.full(3, 4, np.int32), "b_c": np.full(3, 5, np.int32)}
+    write_cloud(tmp_path / f"cloud{suffix}", Cloud(columns))
+    read = read_cloud(tmp_path / f"cloud{suffix}").columns
+    assert {1, 2, 3, 4, 5} <= {int(value) for column in read.values() for value in np.unique(column)}

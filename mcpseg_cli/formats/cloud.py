@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -131,11 +132,26 @@ def scalar_columns(columns: dict[str, NDArray[np.generic]]) -> dict[str, NDArray
     for name, column in columns.items():
         numbers = as_number(name, column)
         if column.ndim == 1:
-            scalars[name] = numbers
+            scalars[free_name(name, scalars)] = numbers
         else:
-            parts = numbers.reshape(len(column), -1).T
-            scalars |= {f"{name}_{part}": values for part, values in enumerate(parts)}
+            for part, values in enumerate(numbers.reshape(len(column), -1).T):
+                scalars[free_name(f"{name}_{part}", scalars)] = values
     return scalars
+
+
+def without_spaces(columns: dict[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    """Rename attributes for a format whose header separates names by spaces."""
+    renamed: dict[str, NDArray[np.generic]] = {}
+    for name, column in columns.items():
+        renamed[free_name("_".join(name.split()), renamed)] = column
+    return renamed
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """Return ``name``, with underscores behind it if something has that name already."""
+    while name in taken:
+        name += "_"
+    return name
 
 
 def _as_uint8(colour: NDArray[np.generic]) -> NDArray[np.uint8]:

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.cloud import Cloud, as_number
+from mcpseg_cli.formats.cloud import Cloud, as_number, without_spaces
 
 _MAX_HEADER = 1 << 14
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
@@ -82,7 +82,7 @@ def write_pcd(file: BinaryIO, cloud: Cloud) -> None:
     Raises:
         OutputError: An attribute that is not a number.
     """
-    columns = {"_".join(name.split()): as_number(name, column) for name, column in cloud.columns.items()}
+    columns = without_spaces({name: as_number(name, column) for name, column in cloud.columns.items()})
     if set(_COLOURS) <= columns.keys() and (rgb := cloud.rgb) is not None:
         red, green, blue = rgb.astype(np.uint32).T
         columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.cloud import Cloud, scalar_columns
+from mcpseg_cli.formats.cloud import Cloud, scalar_columns, without_spaces
 
 _DTYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -87,7 +87,7 @@ def write_ply(file: BinaryIO, cloud: Cloud) -> None:
     Raises:
         OutputError: An attribute that is not a number.
     """
-    columns = {"_".join(name.split()): column for name, column in scalar_columns(cloud.columns).items()}
+    columns = without_spaces(scalar_columns(cloud.columns))
     types = [(name, _storable(column.dtype)) for name, column in columns.items()]
     table = np.empty(len(cloud), np.dtype([(name, "<" + dtype) for name, dtype in types]))
     for name, column in columns.items():
