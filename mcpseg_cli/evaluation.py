@@ -122,24 +122,13 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     if output.is_dir() and not (output / "map.ply").is_file():
         raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
     predicted = read_cloud(output / "map.ply" if output.is_dir() else output)
-    classes = predicted.classes
-    paths = list_clouds(truth) if truth.is_dir() else [truth]
-    clouds = [read_cloud(path) for path in paths]
-    if not classes:
-        classes = next((cloud.classes for cloud in clouds if cloud.classes), ()) or _numbered_classes(
-            [
-                _label(cloud, "semantic", path)
-                for cloud, path in zip([predicted, *clouds], [output, *paths], strict=True)
-            ]
-        )
-    true_semantic = np.concatenate(
-        [
-            remap_table(cloud.classes or classes, classes)[_label(cloud, "semantic", path)]
-            for cloud, path in zip(clouds, paths, strict=True)
-        ]
-    )
-    true_instance = np.concatenate([_label(cloud, "instance", path) for cloud, path in zip(clouds, paths, strict=True)])
-    true_xyz = np.concatenate([cloud.xyz for cloud in clouds])
+    clouds = [(path, read_cloud(path)) for path in (list_clouds(truth) if truth.is_dir() else [truth])]
+    classes = predicted.classes or _class_table([(output, predicted), *clouds])
+    tables = [remap_table(cloud.classes or classes, classes) for _, cloud in clouds]
+    labels = [table[_label(cloud, "semantic", path)] for table, (path, cloud) in zip(tables, clouds, strict=True)]
+    true_semantic = np.concatenate(labels)
+    true_instance = np.concatenate([_label(cloud, "instance", path) for path, cloud in clouds])
+    true_xyz = np.concatenate([cloud.xyz for _, cloud in clouds])
     distance, nearest = KDTree(true_xyz).query(predicted.xyz, distance_upper_bound=_voxel_size(output) / 2 + 1e-6)
     covered = np.isfinite(distance)
     if not covered.any():
@@ -189,10 +178,13 @@ def _label(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
     return column.astype(np.int64)
 
 
-def _numbered_classes(labels: list[NDArray[np.int64]]) -> tuple[str, ...]:
-    """Number the classes of clouds none of which names any."""
-    highest = max(int(part[part < UNKNOWN].max(initial=0)) for part in labels)
-    return tuple(f"class_{index}" for index in range(highest + 1))
+def _class_table(clouds: list[tuple[Path, Cloud]]) -> tuple[str, ...]:
+    """Take the first class table among clouds; number the classes where none has one."""
+    for _, cloud in clouds:
+        if cloud.classes:
+            return cloud.classes
+    labels = np.concatenate([_label(cloud, "semantic", path) for path, cloud in clouds])
+    return tuple(f"class_{index}" for index in range(int(labels[labels < UNKNOWN].max(initial=0)) + 1))
 
 
 def _voxel_size(output: Path) -> float:

@@ -15,15 +15,15 @@ import numpy as np
 
 from mcpseg_cli import __version__
 from mcpseg_cli.config import Frame, SegmentSettings
-from mcpseg_cli.errors import InputError, OutputError, StateError, StateInUseError, naming
-from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, Cloud, write_cloud, write_partial
+from mcpseg_cli.errors import InputError, StateError, naming
+from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud, write_partial
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import ScanFile, read_scan
+from mcpseg_cli.run_folder import check_folders, check_outputs
 from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.state import ScanRecord, State
 from mcpseg_cli.weights import Weights
 
-_OUTPUTS = ("map.ply", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
 _FLAGS = {"local_range": "--range", "weights": "--weights"}  # settings whose option is not called like them
 
 
@@ -92,7 +92,7 @@ class SegmentRun:
         self._options = options
         self._is_committed = True
         check_folders(recording, output)
-        _check_outputs(output)
+        check_outputs(output)
         (output / "scans").mkdir(parents=True, exist_ok=True)
         self._state = State(output / "state.sqlite")
         try:
@@ -271,60 +271,6 @@ class SegmentRun:
             "classes": list(self.segmenter.info.classes),
         }
         _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
-
-
-def check_folders(recording: list[ScanFile], output: Path) -> None:
-    """Refuse an output folder in which results would lie among the input, or that is none.
-
-    Raises:
-        OutputError: Says which.
-    """
-    scans = recording[0].path.parent.resolve()
-    own = (output.resolve(), (output / "scans").resolve())
-    if scans in own or own[1] in scans.parents:
-        raise OutputError(
-            f"{output}: the input {recording[0].path.parent} lies where results go; "
-            "expected a folder of its own; choose another -o"
-        )
-    if output.exists() and not output.is_dir():
-        raise OutputError(f"{output}: a file; expected a folder; choose another -o")
-
-
-def clear_run(output: Path, recording: list[ScanFile]) -> None:
-    """Delete the files of a run, and only those: other files, also in its scans/, stay.
-
-    Args:
-        output: Folder of the run; nothing happens where there is none.
-        recording: The scans that are about to be labelled; their earlier labelled copies are deleted.
-
-    Raises:
-        StateError: Another process is writing there.
-    """
-    stems = {source.path.stem for source in recording}
-    if (output / "state.sqlite").is_file():
-        try:
-            with State(output / "state.sqlite") as state:
-                stems |= {Path(record.name).stem for record in state.scans()}
-        except StateInUseError:
-            raise
-        except StateError:
-            pass  # damaged: its names are not needed to delete it
-    for name in _OUTPUTS:
-        (output / name).unlink(missing_ok=True)
-    for path in (output / "scans").glob("*"):
-        if path.stem in stems and path.suffix.lower() in CLOUD_SUFFIXES:
-            path.unlink()
-
-
-def _check_outputs(output: Path) -> None:
-    """Refuse a folder with outputs whose checkpoint is missing."""
-    if not (output / "state.sqlite").exists():
-        present = [name for name in _OUTPUTS if (output / name).exists()]
-        if present:
-            raise OutputError(
-                f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
-                "choose another -o or give --overwrite"
-            )
 
 
 def _configuration(weights: Weights, segmenter: IncrementalSegmenter, options: RunOptions) -> dict[str, object]:

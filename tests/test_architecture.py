@@ -13,7 +13,7 @@ LAYERS = [
     {"formats", "voxel_map", "clustering", "floor", "metrics", "recording"},
     {"context", "networks"},
     {"state", "objects", "weights", "tensor_bundle", "evaluation"},
-    {"labelled_map", "segmenter"},
+    {"labelled_map", "segmenter", "run_folder"},
     {"segment_run"},
     {"cli"},
 ]

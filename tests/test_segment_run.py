@@ -14,7 +14,8 @@ from mcpseg_cli.errors import McpsegError, OutputError, StateError
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.labelled_map import LabelledMap
 from mcpseg_cli.recording import open_recording
-from mcpseg_cli.segment_run import RunOptions, SegmentRun, clear_run
+from mcpseg_cli.run_folder import clear_run
+from mcpseg_cli.segment_run import RunOptions, SegmentRun
 from mcpseg_cli.segmenter import IncrementalSegmenter
 from mcpseg_cli.state import State
 from mcpseg_cli.weights import load_weights

@@ -91,7 +91,8 @@ def segment(
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
     recording = open_recording(scans, poses, frame.value)
 
-    from mcpseg_cli.segment_run import RunOptions, SegmentRun, check_folders, clear_run
+    from mcpseg_cli.run_folder import check_folders, clear_run
+    from mcpseg_cli.segment_run import RunOptions, SegmentRun
     from mcpseg_cli.segmenter import IncrementalSegmenter
     from mcpseg_cli.weights import find_weights, load_weights
 

@@ -1,0 +1,64 @@
+"""The folder of a run: what may be written into it, and what may be deleted from it."""
+
+from pathlib import Path
+
+from mcpseg_cli.errors import OutputError, StateError, StateInUseError
+from mcpseg_cli.formats import CLOUD_SUFFIXES
+from mcpseg_cli.recording import ScanFile
+from mcpseg_cli.state import State
+
+_OUTPUTS = ("map.ply", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
+
+
+def check_folders(recording: list[ScanFile], output: Path) -> None:
+    """Refuse an output folder in which results would lie among the input, or that is none.
+
+    Raises:
+        OutputError: Says which.
+    """
+    scans = recording[0].path.parent.resolve()
+    own = (output.resolve(), (output / "scans").resolve())
+    if scans in own or own[1] in scans.parents:
+        raise OutputError(
+            f"{output}: the input {recording[0].path.parent} lies where results go; "
+            "expected a folder of its own; choose another -o"
+        )
+    if output.exists() and not output.is_dir():
+        raise OutputError(f"{output}: a file; expected a folder; choose another -o")
+
+
+def clear_run(output: Path, recording: list[ScanFile]) -> None:
+    """Delete the files of a run, and only those: other files, also in its scans/, stay.
+
+    Args:
+        output: Folder of the run; nothing happens where there is none.
+        recording: The scans that are about to be labelled; their earlier labelled copies are deleted.
+
+    Raises:
+        StateError: Another process is writing there.
+    """
+    stems = {source.path.stem for source in recording}
+    if (output / "state.sqlite").is_file():
+        try:
+            with State(output / "state.sqlite") as state:
+                stems |= {Path(record.name).stem for record in state.scans()}
+        except StateInUseError:
+            raise
+        except StateError:
+            pass  # damaged: its names are not needed to delete it
+    for name in _OUTPUTS:
+        (output / name).unlink(missing_ok=True)
+    for path in (output / "scans").glob("*"):
+        if path.stem in stems and path.suffix.lower() in CLOUD_SUFFIXES:
+            path.unlink()
+
+
+def check_outputs(output: Path) -> None:
+    """Refuse a folder with outputs whose checkpoint is missing."""
+    if not (output / "state.sqlite").exists():
+        present = [name for name in _OUTPUTS if (output / name).exists()]
+        if present:
+            raise OutputError(
+                f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
+                "choose another -o or give --overwrite"
+            )
