@@ -45,10 +45,6 @@ class LabelledMap:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
         os.close(self._file)
 
     def update(self, rows: MapRows, changed: NDArray[np.int32]) -> None:

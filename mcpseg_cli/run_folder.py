@@ -31,12 +31,14 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
     """Delete the files of a run, and only those: other files, also in its scans/, stay.
 
     Args:
-        output: Folder of the run; nothing happens where there is none.
+        output: Folder of the run; nothing happens where neither its checkpoint nor its run.json shows that one was.
         recording: The scans that are about to be labelled; their earlier labelled copies are deleted.
 
     Raises:
         StateError: Another process is writing there.
     """
+    if not any((output / name).is_file() for name in ("state.sqlite", "run.json")):
+        return
     stems = {source.path.stem for source in recording}
     if (output / "state.sqlite").is_file():
         try:
@@ -54,11 +56,19 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
 
 
 def check_outputs(output: Path) -> None:
-    """Refuse a folder with outputs whose checkpoint is missing."""
-    if not (output / "state.sqlite").exists():
-        present = [name for name in _OUTPUTS if (output / name).exists()]
-        if present:
-            raise OutputError(
-                f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
-                "choose another -o or give --overwrite"
-            )
+    """Refuse a folder that has files under the names of results, but no checkpoint to say that they are.
+
+    Raises:
+        OutputError: Names them.
+    """
+    if (output / "state.sqlite").exists():
+        return
+    present = [name for name in _OUTPUTS if (output / name).exists()]
+    if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").glob("*")):
+        present.append("clouds in scans/")
+    if present:
+        remedy = "give --overwrite" if (output / "run.json").exists() else "move them away"
+        raise OutputError(
+            f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
+            f"choose another -o, or {remedy}"
+        )

@@ -6,6 +6,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -94,18 +95,19 @@ class SegmentRun:
         check_folders(recording, output)
         check_outputs(output)
         (output / "scans").mkdir(parents=True, exist_ok=True)
-        self._state = State(output / "state.sqlite")
+        self._open_files = ExitStack()
+        self._state = self._open_files.enter_context(State(output / "state.sqlite"))
         try:
             self._check_configuration(_configuration(weights, segmenter, options))
             self.records = self._state.scans()
             self.pending = _pending(recording, self.records, self._state.path)
             self.resumed_from = len(self.records)
             self._restore()
-            self._map = LabelledMap(output / "map.ply", segmenter.info.classes)
+            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.info.classes))
             self._reconcile(recording)
             self._write_run_json(weights)
         except BaseException:
-            self._state.close()
+            self._open_files.close()
             raise
 
     def __enter__(self) -> SegmentRun:
@@ -114,8 +116,7 @@ class SegmentRun:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._map.close()
-        self._state.close()
+        self._open_files.close()
 
     def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[ScanReport]:
         """Label the pending scans one after another; each is committed and written out before it is reported.

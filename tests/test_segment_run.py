@@ -304,11 +304,13 @@ def test_clearing_a_run_leaves_other_files_alone(recording, tmp_path, weights_pa
     assert [path.name for path in (tmp_path / "out/scans").iterdir()] == ["mine.ply"]
 
 
-def test_clearing_where_no_run_is_deletes_no_scan_of_another_name(recording, tmp_path):
+def test_scans_of_another_data_set_under_the_same_names_are_never_touched(recording, tmp_path, weights_path):
     (tmp_path / "other/scans").mkdir(parents=True)
-    (tmp_path / "other/scans/precious.ply").write_text("keep")
+    (tmp_path / "other/scans/000000.ply").write_text("keep")
     clear_run(tmp_path / "other", open_recording(*recording))
-    assert (tmp_path / "other/scans/precious.ply").read_text() == "keep"
+    with pytest.raises(OutputError, match="has clouds in scans/ but no state"):
+        run_all(recording, tmp_path / "other", weights_path)
+    assert (tmp_path / "other/scans/000000.ply").read_text() == "keep"
 
 
 def test_a_skipped_scan_is_recorded_and_stays_skipped(recording, tmp_path, weights_path):

@@ -28,7 +28,7 @@ class OneLineErrors(TyperGroup):
         except MemoryError as error:
             _fail("out of memory; expected smaller scans or a smaller range; finished scans are kept", 1, error)
         except KeyboardInterrupt as error:
-            _fail("interrupted; finished scans are kept; run the same command again to continue", 130, error)
+            _fail("interrupted; finished scans are kept; run the same command again, without --overwrite", 130, error)
 
 
 def _explain(error: OSError) -> str:

@@ -85,7 +85,7 @@ def segment(
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
     """
-    from mcpseg_cli.cli.display import notice, progress_bar
+    from mcpseg_cli.cli.display import notice
     from mcpseg_cli.recording import open_recording
 
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
@@ -102,37 +102,43 @@ def segment(
     options = RunOptions(frame.value, format.value if format else None, on_error.value, sys.argv)
     if overwrite:
         clear_run(output, recording)
-    with SegmentRun(recording, output, loaded, segmenter, options) as run, _Interrupt(quiet) as interrupt:
-        tally = _Tally()
+    with SegmentRun(recording, output, loaded, segmenter, options) as run, _Interrupt() as interrupt:
         if loaded.info.notice:
             notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
-        if run.resumed_from and run.pending:
-            notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
-        elif not run.pending:
-            notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
-        try:
-            with progress_bar(quiet=quiet or as_json) as bar:
-                task = bar.add_task("", total=len(recording), completed=run.resumed_from, state="")
-                for report in run.run(lambda: interrupt.asked):
-                    tally.add(report)
-                    if report.error:
-                        notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
-                    objects = segmenter.clusters.num_objects
-                    bar.update(
-                        task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects:,} objects"
-                    )
-        finally:
-            run.write_objects()
+        tally = _label_pending(run, interrupt, quiet=quiet, show_progress=not (quiet or as_json))
         if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
-            share = (
-                f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g} of their pose"
-            )
-            notice(f"mcpseg: only {share}: are the scans in the sensor's frame (--frame sensor)?", quiet=quiet)
+            share = f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g}"
+            advice = "are the scans in the sensor's frame (--frame sensor)?"
+            notice(f"mcpseg: only {share} of their pose: {advice}", quiet=quiet)
         _print_summary(run, tally, as_json=as_json, verbose=verbose)
     if interrupt.asked and len(run.records) < len(recording):
-        again = shlex.join(["mcpseg", *sys.argv[1:]])
+        again = shlex.join(["mcpseg", *(word for word in sys.argv[1:] if word != "--overwrite")])
         notice(f"mcpseg: interrupted after {len(run.records):,} of {len(recording):,} scans; continue with: {again}")
         raise typer.Exit(130)
+
+
+def _label_pending(run: SegmentRun, interrupt: _Interrupt, *, quiet: bool, show_progress: bool) -> _Tally:
+    """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
+    from mcpseg_cli.cli.display import notice, progress_bar
+
+    tally = _Tally()
+    if run.resumed_from and run.pending:
+        notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
+    elif not run.pending:
+        notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
+    try:
+        with progress_bar(quiet=not show_progress) as bar:
+            total = run.resumed_from + len(run.pending)
+            task = bar.add_task("", total=total, completed=run.resumed_from, state="")
+            for report in run.run(lambda: interrupt.asked):
+                tally.add(report)
+                if report.error:
+                    notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
+                objects = f"{run.segmenter.clusters.num_objects:,} objects"
+                bar.update(task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}")
+    finally:
+        run.write_objects()
+    return tally
 
 
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
@@ -158,9 +164,8 @@ class _Tally:
 class _Interrupt:
     """Ctrl-C or SIGTERM asks the run to stop after the scan at hand; a second one stops at once."""
 
-    def __init__(self, quiet: bool) -> None:
+    def __init__(self) -> None:
         self.asked = False
-        self._quiet = quiet
 
     def __enter__(self) -> _Interrupt:
         self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}

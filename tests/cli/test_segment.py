@@ -324,12 +324,15 @@ def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
 
     scans, poses = make_recording(tmp_path / "input", num_scans=300)
     arguments = ["segment", str(scans), str(poses), "-o", str(tmp_path / "out"), "-w", str(weights_path), "-q"]
+    arguments.append("--overwrite")
     process = subprocess.Popen([sys.executable, "-m", "mcpseg_cli", *arguments], stderr=subprocess.PIPE, text=True)
     events = tmp_path / "out/events.jsonl"
     while process.poll() is None and not (events.exists() and events.stat().st_size):
         time.sleep(0.005)
     process.send_signal(signal.SIGTERM)
-    assert "continue with: mcpseg segment" in process.communicate(timeout=60)[1]
+    stderr = process.communicate(timeout=60)[1]
+    assert "continue with: mcpseg segment" in stderr
+    assert "--overwrite" not in stderr  # following the advice must not start again
     assert process.returncode == 130
 
 
