@@ -9,8 +9,8 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
-    {"errors", "scan", "grid", "classes", "config", "columns"},
-    {"formats", "voxel_map", "clustering", "floor", "metrics", "recording"},
+    {"errors", "scan", "grid", "classes", "config", "columns", "building"},
+    {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
     {"context", "networks"},
     {"state", "objects", "weights", "tensor_bundle", "evaluation"},
     {"labelled_map", "segmenter", "run_folder"},

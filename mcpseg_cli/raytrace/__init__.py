@@ -1,0 +1,1 @@
+"""Virtual scans (paper III-A): a robot drives through a known building and scans it."""
