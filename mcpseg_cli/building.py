@@ -40,7 +40,7 @@ class Building:
         if shapes != ((count, 3), (count, 3), (count,), (count,)):
             raise ValueError(f"xyz, rgb, semantic and instance have shapes {shapes}")
         types = (self.xyz.dtype, self.rgb.dtype, self.semantic.dtype, self.instance.dtype)
-        if types != (np.float32, np.uint8, np.uint8, np.int32):
+        if [str(dtype) for dtype in types] != ["float32", "uint8", "uint8", "int32"]:
             raise ValueError(f"xyz, rgb, semantic and instance have types {types}")
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""The voxel grid that rays are cast in: one bit per voxel in blocks of 4 x 4 x 4, and one point of the building each."""
+"""The voxel grid that rays are cast in: a bit per voxel in blocks of 4 x 4 x 4, and one point for each."""
 
 from __future__ import annotations
 

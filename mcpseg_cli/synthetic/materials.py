@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 Pattern = Literal[
-    "plain", "carpet", "wood", "brick", "plaster", "tiles", "acoustic", "concrete", "weave", "stripes", "checks", "print",
-    "leather", "metal", "glass", "screen", "foliage", "paper", "book", "whiteboard", "chalkboard", "cardboard", "marble",
+    "plain", "carpet", "wood", "brick", "plaster", "tiles", "acoustic", "concrete", "weave", "stripes", "checks",
+    "print", "leather", "metal", "glass", "screen", "foliage", "paper", "book", "whiteboard", "chalkboard",
+    "cardboard", "marble",
 ]  # fmt: skip
 Colour = tuple[float, float, float]
 """Red, green, blue, 0-255."""

@@ -91,7 +91,7 @@ def prism(outline: NDArray[np.float64], low: float, high: float) -> Triangles:
 
 
 def frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], low: float, high: float) -> Triangles:
-    """Return the solid between two convex outlines of as many corners, (K, 2) counter-clockwise each, with both ends."""
+    """Return the solid between two convex outlines of equally many corners, (K, 2) counter-clockwise, with ends."""
     below = np.column_stack([bottom, np.full(len(bottom), low)])
     above = np.column_stack([top, np.full(len(top), high)])
     faces = [[below[0], below[k + 1], below[k]] for k in range(1, len(below) - 1)]
@@ -142,23 +142,26 @@ def tube(start: Sequence[float], end: Sequence[float], radius: float, sides: int
     side /= np.linalg.norm(side)
     angle = np.linspace(0, 2 * np.pi, sides + 1)[:, None]
     ring = radius * (np.cos(angle) * side + np.sin(angle) * np.cross(axis, side))
-    return surface(np.stack([first + ring, last + ring]))
+    return surface(np.stack([last + ring, first + ring]))
 
 
 def shifted(triangles: Triangles, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Triangles:
     """Return the triangles moved."""
-    return triangles + np.array([x, y, z])
+    moved: Triangles = triangles + np.array([x, y, z])
+    return moved
 
 
 def turned(triangles: Triangles, yaw: float) -> Triangles:
     """Return the triangles turned about the z axis, radians."""
-    return triangles @ _turn(yaw).T
+    moved: Triangles = triangles @ _turn(yaw).T
+    return moved
 
 
 def tilted(triangles: Triangles, pitch: float) -> Triangles:
     """Return the triangles turned about the x axis, radians: +y goes up."""
     cosine, sine = np.cos(pitch), np.sin(pitch)
-    return triangles @ np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]).T
+    moved: Triangles = triangles @ np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]).T
+    return moved
 
 
 def area_of(triangles: Triangles) -> NDArray[np.float64]:
