@@ -131,7 +131,8 @@ def ball(radii: Sequence[float], centre: Sequence[float] = (0, 0, 0), rings: int
 def surface(grid: NDArray[np.float64]) -> Triangles:
     """Return the triangles over a grid of points, (A, B, 3): cushions, curtains, anything bent."""
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    return np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)]).reshape(-1, 3, 3)
+    halves: Triangles = np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)])
+    return halves.reshape(-1, 3, 3)
 
 
 def tube(start: Sequence[float], end: Sequence[float], radius: float, sides: int = 6) -> Triangles:

@@ -1,0 +1,59 @@
+"""The floor plan of an office building: rooms along corridors, with their doors, windows and columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+RoomKind = Literal[
+    "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry", "copyRoom", "WC"
+]
+"""Names as S3DIS uses them; a room is called ``kind_number``."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A door, window or passage in one wall of a room.
+
+    Attributes:
+        kind: What fills it.
+        side: Wall: 0 at low y, 1 at high x, 2 at high y, 3 at low x.
+        start: Where it begins along the wall (x on sides 0 and 2, y on 1 and 3), metres, map frame.
+        end: Where it ends.
+        low: Height of its lower edge over the floor, metres.
+        high: Height of its upper edge.
+    """
+
+    kind: Literal["door", "window", "passage"]
+    side: int
+    start: float
+    end: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Room:
+    """One room: an upright box with openings.
+
+    Attributes:
+        name: ``office_3`` and the like.
+        kind: What it is used for.
+        low: (2,) lowest x and y of its inside, metres, map frame.
+        high: (2,) highest x and y.
+        ceiling: Height of the ceiling over the floor (z = 0), metres.
+        openings: Doors, windows and passages.
+        taken: Boxes, (2, 3) lowest and highest corner each, that furniture keeps clear of: columns, pipes, open door
+            leaves and where they swing, the way through doors.
+    """
+
+    name: str
+    kind: RoomKind
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    ceiling: float
+    openings: tuple[Opening, ...] = ()
+    taken: tuple[NDArray[np.float64], ...] = field(default=())

@@ -1,0 +1,84 @@
+"""Styles: what the furniture and surfaces of one building have in common, as S3DIS's six areas differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mcpseg_cli.synthetic.materials import Colour, Material, Pattern
+
+
+@dataclass(frozen=True)
+class Style:
+    """Colours and habits of one building.
+
+    Attributes:
+        name: What the style is called.
+        wood: Colours of wood.
+        upholstery: Colours of seats and sofas.
+        metal: Colours of metal frames.
+        plastic: Colours of plastic shells and casings.
+        fabric: Patterns that seats and sofas come in.
+        table_tops: Patterns of table tops.
+        chairs: Chair designs in use, by name; the catalogue of chairs knows them.
+        tables: Table designs in use.
+        tidiness: 0 for rooms full of clutter to 1 for bare ones.
+    """
+
+    name: str
+    wood: tuple[Colour, ...]
+    upholstery: tuple[Colour, ...]
+    metal: tuple[Colour, ...]
+    plastic: tuple[Colour, ...]
+    fabric: tuple[Pattern, ...]
+    table_tops: tuple[Pattern, ...]
+    chairs: tuple[str, ...]
+    tables: tuple[str, ...]
+    tidiness: float
+
+
+def pick_colour(colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0) -> Colour:
+    """Return one of the colours, varied by a normal of ``spread`` in brightness and a third of it in hue."""
+    base = np.array(colours[rng.integers(len(colours))]) + rng.normal(0, spread) + rng.normal(0, spread / 3, 3)
+    red, green, blue = np.clip(base, 4, 251).tolist()
+    return red, green, blue
+
+
+def pick_wood(style: Style, rng: np.random.Generator) -> Material:
+    """Return a wood of the building."""
+    return _with_accent("wood", pick_colour(style.wood, rng), 0.72, rng.uniform(0.05, 0.12), rng)
+
+
+def pick_fabric(style: Style, rng: np.random.Generator) -> Material:
+    """Return an upholstery of the building."""
+    pattern = style.fabric[rng.integers(len(style.fabric))]
+    return _with_accent(pattern, pick_colour(style.upholstery, rng), rng.uniform(0.5, 1.6), rng.uniform(0.02, 0.2), rng)
+
+
+def pick_metal(style: Style, rng: np.random.Generator) -> Material:
+    """Return a metal of the building."""
+    return _with_accent("metal", pick_colour(style.metal, rng), 1.2, 0.1, rng)
+
+
+def pick_plastic(style: Style, rng: np.random.Generator) -> Material:
+    """Return a plastic of the building."""
+    return _with_accent("plain", pick_colour(style.plastic, rng), 0.9, 0.1, rng)
+
+
+def pick_table_top(style: Style, rng: np.random.Generator) -> Material:
+    """Return the surface of a table top."""
+    pattern = style.table_tops[rng.integers(len(style.table_tops))]
+    colours = style.wood if pattern == "wood" else style.plastic
+    return _with_accent(pattern, pick_colour(colours, rng), 0.8, rng.uniform(0.05, 0.15), rng)
+
+
+def paint(colour: Colour, rng: np.random.Generator, pattern: Pattern = "plain", scale: float = 0.1) -> Material:
+    """Return a surface of a given colour, slightly varied."""
+    return _with_accent(pattern, pick_colour((colour,), rng, 6.0), 0.75, scale, rng)
+
+
+def _with_accent(pattern: Pattern, base: Colour, factor: float, scale: float, rng: np.random.Generator) -> Material:
+    """Make a material whose second colour is the first, darkened or lightened."""
+    red, green, blue = np.clip(np.array(base) * factor, 0, 255).tolist()
+    return Material(pattern, base, (red, green, blue), scale, int(rng.integers(1 << 30)))
