@@ -1,8 +1,8 @@
 """Settings with their defaults. Numbers from the paper appear here, once, with their section."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 NUM_CONTEXT = 50  # M: context points per point (III-B, figure 5)
 NUM_FEATURES = 6  # X Y Z R G B (III-B)
@@ -38,3 +38,45 @@ class SegmentSettings(BaseModel):
     similarity: float = Field(default=0.9, ge=-1.0, le=1.0)
     floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)
+
+
+AUTHORS_SCANNER = {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0}
+"""What the simulated scanner of the authors' program covers; the paper says a full sphere (III-A)."""
+
+
+class RaytraceSettings(BaseModel):
+    """Everything that decides virtual scans; lengths in metres, angles in degrees.
+
+    Attributes:
+        voxel_size: Edge of a voxel of the grid that rays are cast in (III-A).
+        step: Way between two scans (III-A).
+        height: The scanner's height over the floor.
+        reach: Farthest a ray goes.
+        horizontal_deg: Horizontal angle between rays (III-A).
+        vertical_deg: Vertical angle between rays (III-A).
+        lowest_deg: Elevation of the lowest rays; -90 is straight down.
+        highest_deg: Elevation that rays stay below.
+        noise: Standard deviation of the measured range.
+        dropout: Share of the points that are lost.
+        seed: Seed of the noise, the drop-out and of which point stands for a voxel.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
+    step: float = Field(default=0.2, ge=0.01, le=100.0)
+    height: float = Field(default=1.0, gt=0.0, le=10.0)
+    reach: float = Field(default=5.0, ge=0.1, le=1000.0)
+    horizontal_deg: float = Field(default=1.0, ge=0.05, le=90.0)
+    vertical_deg: float = Field(default=1.0, ge=0.05, le=90.0)
+    lowest_deg: float = Field(default=-90.0, ge=-90.0, le=90.0)
+    highest_deg: float = Field(default=90.0, ge=-90.0, le=90.0)
+    noise: float = Field(default=0.0, ge=0.0, le=1.0)
+    dropout: float = Field(default=0.0, ge=0.0, le=0.95)
+    seed: int = Field(default=0, ge=0, lt=1 << 63)
+
+    @model_validator(mode="after")
+    def _some_elevation(self) -> Self:
+        if self.lowest_deg >= self.highest_deg:
+            raise ValueError("lowest_deg must be below highest_deg")
+        return self

@@ -106,3 +106,24 @@ def smallest_rectangle_area(xy) -> float:
         v = [y * math.cos(turn) - x * math.sin(turn) for x, y in xy]
         areas.append((max(u) - min(u)) * (max(v) - min(v)))
     return min(areas)
+
+
+def first_occupied(occupied: set[Voxel], start, direction, longest: float) -> Voxel | None:
+    """Walk a ray face by face (voxel v spans [v, v + 1)); the first occupied voxel it enters, if any."""
+    voxel = [math.floor(place) for place in start]
+    reached = [math.inf] * 3
+    apart = [math.inf] * 3
+    step = [0] * 3
+    for axis in range(3):
+        if direction[axis] != 0:
+            step[axis] = 1 if direction[axis] > 0 else -1
+            face = voxel[axis] + (step[axis] > 0)
+            reached[axis] = (face - start[axis]) / direction[axis]
+            apart[axis] = step[axis] / direction[axis]
+    while min(reached) <= longest:
+        axis = reached.index(min(reached))
+        voxel[axis] += step[axis]
+        reached[axis] += apart[axis]
+        if tuple(voxel) in occupied:
+            return tuple(voxel)
+    return None

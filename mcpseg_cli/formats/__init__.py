@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError, naming
@@ -73,7 +74,7 @@ def write_partial(path: Path, cloud: Cloud) -> Path:
         raise OutputError(
             f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
         )
-    partial = path.with_name(f".{os.getpid()}{PARTIAL}{suffix}")
+    partial = path.with_name(f".{os.getpid()}-{threading.get_ident()}{PARTIAL}{suffix}")
     try:
         with naming(path):
             _write_stream(partial, cloud)

@@ -87,13 +87,13 @@ def visible_voxels(
 
 
 @njit(cache=True)
-def _crossing(place: float, direction: float, cell: int) -> float:
-    """Return how far along a ray it leaves ``cell``, in voxels; infinite for a ray that never does."""
+def _first_face(place: float, direction: float) -> tuple[float, float]:
+    """Return how far along the ray the first voxel face across one axis is, and how far apart these faces are."""
+    if direction == 0.0:
+        return np.inf, np.inf
     if direction > 0.0:
-        return (cell + 1 - place) / direction
-    if direction < 0.0:
-        return (cell - place) / direction
-    return np.inf
+        return (np.floor(place) + 1.0 - place) / direction, 1.0 / direction
+    return (np.floor(place) - place) / direction, -1.0 / direction
 
 
 @njit(cache=True, nogil=True)
@@ -106,41 +106,38 @@ def _cast(
     hits: NDArray[np.int32],
 ) -> None:
     """Walk every ray from voxel to voxel; lengths in voxels, places from the grid's corner."""
+    blocks, firsts = masks.ravel(), ranks.ravel()
+    num_y, num_z = masks.shape[1], masks.shape[2]
+    end_x, end_y, end_z = 4 * masks.shape[0], 4 * num_y, 4 * num_z
     for ray in range(len(directions)):
-        hits[ray] = _walk(start, directions[ray], longest, masks, ranks)
-
-
-@njit(cache=True, nogil=True)
-def _walk(
-    start: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    longest: float,
-    masks: NDArray[np.uint64],
-    ranks: NDArray[np.int32],
-) -> int:
-    """Return the number of the first occupied voxel after the one it starts in, -1 for none within ``longest``."""
-    x, y, z = int(np.floor(start[0])), int(np.floor(start[1])), int(np.floor(start[2]))
-    to_x = _crossing(start[0], direction[0], x)
-    to_y = _crossing(start[1], direction[1], y)
-    to_z = _crossing(start[2], direction[2], z)
-    while True:
-        nearest = min(to_x, to_y, to_z)
-        if nearest > longest:
-            return -1
-        if nearest == to_x:
-            x += 1 if direction[0] > 0.0 else -1
-            to_x = _crossing(start[0], direction[0], x)
-        elif nearest == to_y:
-            y += 1 if direction[1] > 0.0 else -1
-            to_y = _crossing(start[1], direction[1], y)
-        else:
-            z += 1 if direction[2] > 0.0 else -1
-            to_z = _crossing(start[2], direction[2], z)
-        block_x, block_y, block_z = x >> 2, y >> 2, z >> 2
-        if min(x, y, z) < 0 or block_x >= masks.shape[0] or block_y >= masks.shape[1] or block_z >= masks.shape[2]:
-            continue
-        mask = masks[block_x, block_y, block_z]
-        if mask:
+        x, y, z = int(np.floor(start[0])), int(np.floor(start[1])), int(np.floor(start[2]))
+        to_x, apart_x = _first_face(start[0], directions[ray, 0])
+        to_y, apart_y = _first_face(start[1], directions[ray, 1])
+        to_z, apart_z = _first_face(start[2], directions[ray, 2])
+        step_x = 1 if directions[ray, 0] > 0.0 else -1
+        step_y = 1 if directions[ray, 1] > 0.0 else -1
+        step_z = 1 if directions[ray, 2] > 0.0 else -1
+        hits[ray] = -1
+        while True:
+            if to_x <= to_y and to_x <= to_z:
+                if to_x > longest:
+                    break
+                x += step_x
+                to_x += apart_x
+            elif to_y <= to_z:
+                if to_y > longest:
+                    break
+                y += step_y
+                to_y += apart_y
+            else:
+                if to_z > longest:
+                    break
+                z += step_z
+                to_z += apart_z
+            if x < 0 or y < 0 or z < 0 or x >= end_x or y >= end_y or z >= end_z:
+                continue
+            block = ((x >> 2) * num_y + (y >> 2)) * num_z + (z >> 2)
             bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
-            if (mask >> bit) & np.uint64(1):
-                return int(ranks[block_x, block_y, block_z] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1))))
+            if (blocks[block] >> bit) & np.uint64(1):
+                hits[ray] = firsts[block] + _bits(blocks[block] & ((np.uint64(1) << bit) - np.uint64(1)))
+                break

@@ -1,0 +1,101 @@
+"""The virtual scanner: one point of the building for every voxel its rays end in (paper III-A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.building import Building
+from mcpseg_cli.config import RaytraceSettings
+from mcpseg_cli.formats import Cloud
+from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
+from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
+
+POSE_COLUMNS = "scan,x,y,z,qx,qy,qz,qw"
+
+
+@dataclass(frozen=True)
+class VirtualScan:
+    """What the scanner saw from one place.
+
+    Attributes:
+        voxels: (N,) int32 numbers of the grid's voxels, ascending, each once.
+        points: (N,) int64 points of the building.
+        xyz: (N, 3) float32, metres, map frame: the building's own coordinates; with noise, moved along the ray.
+    """
+
+    voxels: NDArray[np.int32]
+    points: NDArray[np.int64]
+    xyz: NDArray[np.float32]
+
+
+class VirtualScanner:
+    """A scanner in a building.
+
+    Args:
+        building: At least one point.
+        settings: Voxels, pattern, noise.
+
+    Raises:
+        InputError: The building is too large for the voxel size.
+    """
+
+    def __init__(self, building: Building, settings: RaytraceSettings) -> None:
+        self.building = building
+        self.settings = settings
+        self.grid: OccupancyGrid = build_grid(building.xyz, settings.voxel_size, settings.seed)
+        self.pattern = pattern_of(settings)
+        self._directions = self.pattern.directions()
+
+    def scan(self, number: int, position: NDArray[np.float64]) -> VirtualScan:
+        """Scan from one place.
+
+        Args:
+            number: Number of the scan; with the seed it decides noise and drop-out, so that scans may be made in any
+                order.
+            position: (3,) float64, metres, map frame.
+
+        Returns:
+            A point for each voxel in sight; none where nothing is within reach.
+        """
+        voxels = visible_voxels(self.grid, position, self._directions, self.settings.reach)
+        if self.settings.dropout == self.settings.noise == 0.0:
+            points = self.grid.points[voxels]
+            return VirtualScan(voxels, points, self.building.xyz[points])
+        rng = np.random.default_rng((self.settings.seed, number))
+        voxels = voxels[rng.random(len(voxels)) >= self.settings.dropout]
+        points = self.grid.points[voxels]
+        ray = self.building.xyz[points] - position
+        distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-6)
+        offset = ray / distance * rng.normal(0.0, self.settings.noise, (len(points), 1))
+        return VirtualScan(voxels, points, (position + ray + offset).astype(np.float32))
+
+    def clouds(self, scan: VirtualScan) -> tuple[Cloud, Cloud]:
+        """Return a scan as two clouds of the same points: ``x y z red green blue``, and with the truth about them."""
+        columns: dict[str, NDArray[np.generic]] = {axis: scan.xyz[:, column] for column, axis in enumerate("xyz")}
+        rgb = self.building.rgb[scan.points]
+        columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
+        truth = {
+            "semantic": self.building.semantic[scan.points],
+            "instance": self.building.instance[scan.points],
+        }
+        return Cloud(columns), Cloud(columns | truth, self.building.classes)
+
+
+def pattern_of(settings: RaytraceSettings) -> ScanPattern:
+    """Return the directions and reach that settings describe."""
+    return ScanPattern(
+        settings.horizontal_deg, settings.vertical_deg, settings.lowest_deg, settings.highest_deg, settings.reach
+    )
+
+
+def poses_table(poses: NDArray[np.float64]) -> str:
+    """Write poses, (S, 4, 4) float64 turned about z only, as the text of ``poses.csv``; scans are called by number."""
+    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+    rows = [POSE_COLUMNS]
+    for number, (pose, angle) in enumerate(zip(poses, yaw.tolist(), strict=True)):
+        x, y, z = pose[:3, 3].tolist()
+        rows.append(f"{number:06d},{x:.6f},{y:.6f},{z:.6f},0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}")
+    return "\n".join(rows) + "\n"
