@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import distance_transform_cdt
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.grid import voxel_of
@@ -121,6 +122,16 @@ def test_every_occupied_voxel_is_numbered_once_and_stands_for_one_of_its_own_poi
     assert len(grid) == len(np.unique(voxel, axis=0))
     np.testing.assert_array_equal(np.unique(ids), np.arange(len(grid)))
     np.testing.assert_array_equal(ids[grid.points], np.arange(len(grid)))
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_gaps_are_the_chessboard_distance_to_the_nearest_occupied_voxel(seed):
+    rng = np.random.default_rng(seed)
+    grid = build_grid(centres(random_voxels(rng, num=int(rng.integers(1, 12)))), VOXEL_SIZE)
+    occupied = grid.voxel_ids((np.argwhere(grid.gaps >= 0) + grid.low).astype(np.int32)) >= 0
+    expected = distance_transform_cdt(~occupied.reshape(grid.gaps.shape), metric="chessboard")
+    np.testing.assert_array_equal(grid.gaps, expected)
 
 
 def test_empty_voxels_and_voxels_outside_have_no_number():

@@ -18,15 +18,19 @@ def notice(line: str, *, quiet: bool = False, console: Console | None = None) ->
         target.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
-def progress_bar(*, quiet: bool) -> Progress:
+def progress_bar(title: str, *, quiet: bool) -> Progress:
     """Make a progress bar on stderr; it shows nothing when ``quiet`` or when stderr is not a terminal.
+
+    Args:
+        title: What is being done.
+        quiet: Show nothing.
 
     Returns:
         A context manager; its tasks have a field ``state`` for the text behind the bar.
     """
     console = Console(stderr=True)
     return Progress(
-        TextColumn("segment"),
+        TextColumn(title),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

@@ -127,7 +127,7 @@ def _label_pending(run: SegmentRun, interrupt: _Interrupt, *, quiet: bool, show_
     elif not run.pending:
         notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
     try:
-        with progress_bar(quiet=not show_progress) as bar:
+        with progress_bar("segment", quiet=not show_progress) as bar:
             total = run.resumed_from + len(run.pending)
             task = bar.add_task("", total=total, completed=run.resumed_from, state="")
             for report in run.run(lambda: interrupt.asked):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.grid import voxel_of
 
-MAX_BLOCKS = 1 << 26
-"""Blocks of a grid: 800 MB, a box of 1.6 km x 400 m x 10 m at 0.1 m."""
+MAX_BLOCKS = 1 << 24
+"""Blocks of a grid: 1.3 GB, a box of 300 m x 300 m x 12 m at 0.1 m."""
 _CHUNK = 1 << 20  # points voxelised at once
 
 
@@ -28,6 +28,8 @@ class OccupancyGrid:
         low: (3,) int64 voxel at the corner of block (0, 0, 0), a multiple of 4.
         masks: (X, Y, Z) uint64, a bit per voxel of each block; bit ``16 x + 4 y + z`` for the voxel (x, y, z) in it.
         ranks: (X, Y, Z) int32, number of occupied voxels in all blocks before.
+        gaps: (4 X, 4 Y, 4 Z) uint8, voxels (steps of a king) from each to the nearest occupied one, 0 for occupied
+            ones, at most 255: rays leap by it.
         points: (V,) int64, for each occupied voxel the point of the building that stands for it.
     """
 
@@ -35,6 +37,7 @@ class OccupancyGrid:
     low: NDArray[np.int64]
     masks: NDArray[np.uint64]
     ranks: NDArray[np.int32]
+    gaps: NDArray[np.uint8]
     points: NDArray[np.int64]
 
     def __len__(self) -> int:
@@ -43,6 +46,10 @@ class OccupancyGrid:
     def voxel_ids(self, voxel: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the (N,) int32 numbers of the voxels (N, 3); -1 for empty ones and those outside the grid."""
         return _look_up(voxel.astype(np.int64) - self.low, self.masks, self.ranks)
+
+    def ids_of_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return the (N,) int32 numbers of voxels given by their places in ``gaps``, flat; -1 stays -1."""
+        return _look_up_cells(cells, self.gaps.shape, self.masks, self.ranks)
 
 
 def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> OccupancyGrid:
@@ -54,7 +61,7 @@ def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> Oc
         seed: Decides which point stands for a voxel.
 
     Returns:
-        The grid; about 12 bytes for each block of 0.4 m (at 0.1 m) in the bounding box and 8 for each occupied voxel.
+        The grid; about 1.2 bytes for each voxel of the bounding box and 8 for each occupied one.
 
     Raises:
         InputError: The bounding box is too large for the voxel size.
@@ -80,7 +87,7 @@ def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> Oc
     for start in range(0, len(xyz), _CHUNK):
         voxel = voxel_of(xyz[start : start + _CHUNK], voxel_size).astype(np.int64) - low
         _choose(_look_up(voxel, masks, ranks), start, np.uint64(seed), draws, points)
-    return OccupancyGrid(voxel_size, low, masks, ranks, points)
+    return OccupancyGrid(voxel_size, low, masks, ranks, _measure_gaps(masks), points)
 
 
 @njit(cache=True, nogil=True)
@@ -120,14 +127,68 @@ def _look_up(voxel: NDArray[np.int64], masks: NDArray[np.uint64], ranks: NDArray
     ids = np.full(len(voxel), -1, np.int32)
     for row in range(len(voxel)):
         x, y, z = voxel[row, 0], voxel[row, 1], voxel[row, 2]
-        block_x, block_y, block_z = x >> 2, y >> 2, z >> 2
-        if min(x, y, z) < 0 or block_x >= masks.shape[0] or block_y >= masks.shape[1] or block_z >= masks.shape[2]:
-            continue
-        mask = masks[block_x, block_y, block_z]
-        bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
-        if (mask >> bit) & np.uint64(1):
-            ids[row] = ranks[block_x, block_y, block_z] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1)))
+        if 0 <= x < 4 * masks.shape[0] and 0 <= y < 4 * masks.shape[1] and 0 <= z < 4 * masks.shape[2]:
+            ids[row] = _number(x, y, z, masks, ranks)
     return ids
+
+
+@njit(cache=True, nogil=True)
+def _look_up_cells(
+    cells: NDArray[np.int64], size: tuple[int, int, int], masks: NDArray[np.uint64], ranks: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """Return the number of each voxel, given by its place in a grid of ``size``; -1 for -1."""
+    ids = np.full(len(cells), -1, np.int32)
+    for row in range(len(cells)):
+        cell = cells[row]
+        if cell >= 0:
+            ids[row] = _number(cell // (size[1] * size[2]), cell // size[2] % size[1], cell % size[2], masks, ranks)
+    return ids
+
+
+@njit(cache=True)
+def _number(x: int, y: int, z: int, masks: NDArray[np.uint64], ranks: NDArray[np.int32]) -> int:
+    """Return the number of a voxel of the grid, -1 when it is empty."""
+    mask = masks[x >> 2, y >> 2, z >> 2]
+    bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
+    if (mask >> bit) & np.uint64(1):
+        return int(ranks[x >> 2, y >> 2, z >> 2] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1))))
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _measure_gaps(masks: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Measure from every voxel how far the nearest occupied one is, diagonals counting one (Rosenfeld and Pfaltz)."""
+    num_x, num_y, num_z = 4 * masks.shape[0], 4 * masks.shape[1], 4 * masks.shape[2]
+    gaps = np.full((num_x + 2, num_y + 2, num_z + 2), 255, np.uint8)
+    for x in range(num_x):
+        for y in range(num_y):
+            for z in range(num_z):
+                bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
+                if (masks[x >> 2, y >> 2, z >> 2] >> bit) & np.uint64(1):
+                    gaps[x + 1, y + 1, z + 1] = 0
+    for x in range(1, num_x + 1):
+        for y in range(1, num_y + 1):
+            for z in range(1, num_z + 1):
+                gaps[x, y, z] = _least_gap(gaps, x, y, z, -1)
+    for x in range(num_x, 0, -1):
+        for y in range(num_y, 0, -1):
+            for z in range(num_z, 0, -1):
+                gaps[x, y, z] = _least_gap(gaps, x, y, z, 1)
+    return gaps[1:-1, 1:-1, 1:-1].copy()
+
+
+@njit(cache=True)
+def _least_gap(gaps: NDArray[np.uint8], x: int, y: int, z: int, side: int) -> int:
+    """Return the gap of a voxel as the half of its neighbours on one side knows it."""
+    least = int(gaps[x, y, z])
+    if least == 0:
+        return least
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for k in range(-1, 2):
+                if 9 * i + 3 * j + k < 0:
+                    least = min(least, int(gaps[x - side * i, y - side * j, z - side * k]) + 1)
+    return least
 
 
 @njit(cache=True, nogil=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.raytrace.occupancy import OccupancyGrid, _bits
+from mcpseg_cli.raytrace.occupancy import OccupancyGrid
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def cast_rays(
     pool: ThreadPoolExecutor | None = None,
     num_threads: int = 1,
 ) -> NDArray[np.int32]:
-    """Follow rays until they enter an occupied voxel (Amanatides and Woo, 1987: no voxel on the way is left out).
+    """Follow rays until they enter an occupied voxel; none on the way is left out (Amanatides and Woo, 1987).
 
     The voxel the rays start in does not stop them, so that a sensor may stand inside an occupied one.
 
@@ -63,14 +63,14 @@ def cast_rays(
         (R,) int32 number of the voxel each ray ends in, -1 for none; the same for any number of threads.
     """
     start = origin / grid.voxel_size + 0.5 - grid.low  # voxel v spans [v, v + 1) here
-    hits = np.empty(len(directions), np.int32)
     longest = reach / grid.voxel_size
+    cells = np.empty(len(directions), np.int64)
     if pool is None or num_threads == 1:
-        _cast(start, directions, longest, grid.masks, grid.ranks, hits)
-        return hits
-    parts = zip(np.array_split(directions, num_threads), np.array_split(hits, num_threads), strict=True)
-    list(pool.map(lambda part: _cast(start, part[0], longest, grid.masks, grid.ranks, part[1]), parts))
-    return hits
+        _cast(start, directions, longest, grid.gaps, cells)
+    else:
+        parts = zip(np.array_split(directions, num_threads), np.array_split(cells, num_threads), strict=True)
+        list(pool.map(lambda part: _cast(start, part[0], longest, grid.gaps, part[1]), parts))
+    return grid.ids_of_cells(cells)
 
 
 def visible_voxels(
@@ -87,13 +87,11 @@ def visible_voxels(
 
 
 @njit(cache=True)
-def _first_face(place: float, direction: float) -> tuple[float, float]:
-    """Return how far along the ray the first voxel face across one axis is, and how far apart these faces are."""
-    if direction == 0.0:
-        return np.inf, np.inf
+def _face(place: float, cell: int, direction: float) -> float:
+    """Return how far along the ray it leaves ``cell`` across one axis, in voxels; infinite when it never does."""
     if direction > 0.0:
-        return (np.floor(place) + 1.0 - place) / direction, 1.0 / direction
-    return (np.floor(place) - place) / direction, -1.0 / direction
+        return (cell + 1 - place) / direction
+    return (cell - place) / direction if direction < 0.0 else np.inf
 
 
 @njit(cache=True, nogil=True)
@@ -101,43 +99,50 @@ def _cast(
     start: NDArray[np.float64],
     directions: NDArray[np.float64],
     longest: float,
-    masks: NDArray[np.uint64],
-    ranks: NDArray[np.int32],
-    hits: NDArray[np.int32],
+    gaps: NDArray[np.uint8],
+    hits: NDArray[np.int64],
 ) -> None:
-    """Walk every ray from voxel to voxel; lengths in voxels, places from the grid's corner."""
-    blocks, firsts = masks.ravel(), ranks.ravel()
-    num_y, num_z = masks.shape[1], masks.shape[2]
-    end_x, end_y, end_z = 4 * masks.shape[0], 4 * num_y, 4 * num_z
+    """Walk every ray to the first voxel without gap: in leaps through free space, face by face near surfaces.
+
+    Lengths are in voxels and places from the grid's corner; ``hits`` gets the voxel's place in ``gaps``, -1 for none.
+    """
+    flat = gaps.ravel()
+    num_x, num_y, num_z = gaps.shape
     for ray in range(len(directions)):
+        toward_x, toward_y, toward_z = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+        fastest = max(abs(toward_x), abs(toward_y), abs(toward_z))
         x, y, z = int(np.floor(start[0])), int(np.floor(start[1])), int(np.floor(start[2]))
-        to_x, apart_x = _first_face(start[0], directions[ray, 0])
-        to_y, apart_y = _first_face(start[1], directions[ray, 1])
-        to_z, apart_z = _first_face(start[2], directions[ray, 2])
-        step_x = 1 if directions[ray, 0] > 0.0 else -1
-        step_y = 1 if directions[ray, 1] > 0.0 else -1
-        step_z = 1 if directions[ray, 2] > 0.0 else -1
-        hits[ray] = -1
-        while True:
-            if to_x <= to_y and to_x <= to_z:
-                if to_x > longest:
+        hits[ray], gap, reached, is_start = -1, 1, 0.0, True
+        while reached <= longest:
+            if 0 <= x < num_x and 0 <= y < num_y and 0 <= z < num_z:
+                gap = int(flat[(x * num_y + y) * num_z + z])
+                if gap == 0 and not is_start:
+                    hits[ray] = (x * num_y + y) * num_z + z
                     break
-                x += step_x
-                to_x += apart_x
-            elif to_y <= to_z:
-                if to_y > longest:
-                    break
-                y += step_y
-                to_y += apart_y
-            else:
-                if to_z > longest:
-                    break
-                z += step_z
-                to_z += apart_z
-            if x < 0 or y < 0 or z < 0 or x >= end_x or y >= end_y or z >= end_z:
-                continue
-            block = ((x >> 2) * num_y + (y >> 2)) * num_z + (z >> 2)
-            bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
-            if (blocks[block] >> bit) & np.uint64(1):
-                hits[ray] = firsts[block] + _bits(blocks[block] & ((np.uint64(1) << bit) - np.uint64(1)))
+            elif _is_leaving(x, toward_x, num_x) or _is_leaving(y, toward_y, num_y) or _is_leaving(z, toward_z, num_z):
                 break
+            else:
+                gap = 1
+            is_start = False
+            if gap > 1:  # all voxels up to gap - 1 away are empty
+                reached += (gap - 1) / fastest
+                x = int(np.floor(start[0] + reached * toward_x))
+                y = int(np.floor(start[1] + reached * toward_y))
+                z = int(np.floor(start[2] + reached * toward_z))
+                continue
+            to_x = _face(start[0], x, toward_x)
+            to_y = _face(start[1], y, toward_y)
+            to_z = _face(start[2], z, toward_z)
+            reached = min(to_x, to_y, to_z)
+            if reached == to_x:
+                x += 1 if toward_x > 0.0 else -1
+            elif reached == to_y:
+                y += 1 if toward_y > 0.0 else -1
+            else:
+                z += 1 if toward_z > 0.0 else -1
+
+
+@njit(cache=True)
+def _is_leaving(cell: int, direction: float, size: int) -> bool:
+    """Tell whether a ray outside the grid on one axis will never come in."""
+    return (cell < 0 and direction <= 0.0) or (cell >= size and direction >= 0.0)

@@ -77,7 +77,7 @@ class VirtualScanner:
         columns: dict[str, NDArray[np.generic]] = {axis: scan.xyz[:, column] for column, axis in enumerate("xyz")}
         rgb = self.building.rgb[scan.points]
         columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
-        truth = {
+        truth: dict[str, NDArray[np.generic]] = {
             "semantic": self.building.semantic[scan.points],
             "instance": self.building.instance[scan.points],
         }
