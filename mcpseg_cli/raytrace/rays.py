@@ -83,7 +83,9 @@ def visible_voxels(
 ) -> NDArray[np.int32]:
     """Return the (V,) int32 numbers of the voxels that ``cast_rays`` ends in, each once, in ascending order."""
     hits = cast_rays(grid, origin, directions, reach, pool, num_threads)
-    return np.unique(hits[hits >= 0])
+    is_seen = np.zeros(len(grid) + 1, bool)  # the last is where -1 points
+    is_seen[hits] = True
+    return np.flatnonzero(is_seen[:-1]).astype(np.int32)
 
 
 @njit(cache=True)
