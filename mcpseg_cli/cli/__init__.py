@@ -8,6 +8,7 @@ import typer
 from mcpseg_cli.cli.boundary import OneLineErrors
 from mcpseg_cli.cli.evaluate import evaluate
 from mcpseg_cli.cli.import_weights import import_weights
+from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ def top(
     """
 
 
+app.command("raytrace")(raytrace)
 app.command("segment")(segment)
 app.command("eval")(evaluate)
 app.command("import-weights")(import_weights)

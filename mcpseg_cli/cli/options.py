@@ -50,3 +50,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on s
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no notices.")]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
+Jobs = Annotated[int | None, typer.Option("-j", "--jobs", min=1, help="Threads or processes; default: all cores.")]
+
+
+def number_of_jobs(jobs: int | None) -> int:
+    """Return the given number, or how many cores this process may use."""
+    import os
+
+    return jobs or len(os.sched_getaffinity(0))

@@ -18,7 +18,7 @@ from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
-from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.formats.poses import PoseTable, read_poses
 from mcpseg_cli.raytrace.scanner import POSE_COLUMNS, VirtualScanner, poses_table
 
 _FORMAT = 1  # of the folder; another number is another run
@@ -44,9 +44,9 @@ class RaytraceRequest:
 
 @dataclass(frozen=True)
 class WrittenScan:
-    """One scan of a run: its number, its points, and whether it was there before."""
+    """One scan of a run: its name, its points, and whether it was there before."""
 
-    number: int
+    name: str
     num_points: int
     was_there: bool
 
@@ -75,22 +75,22 @@ class RaytraceRun:
             "suffix": request.suffix,
             "waypoints": request.waypoints,
         }
-        record = _read_record(folder)
         if overwrite:
-            _clear(folder, record)
-            record = None
-        _check_folder(folder, record, self._identity)
-        self.record = record
+            _clear(folder)
+        self.record = _read_record(folder)
+        _check_folder(folder, self.record, self._identity)
         self.scanner = VirtualScanner(building, request.settings)
-        self.poses: NDArray[np.float64] | None = None
-        if record is not None:
-            self.poses = read_poses(folder / "poses.csv").poses
+        self.poses: PoseTable | None = None
+        if self.record is not None and (folder / "poses.csv").exists():
+            self.poses = read_poses(folder / "poses.csv")
         self._seen = np.zeros(len(self.scanner.grid), bool)
 
     @property
     def is_complete(self) -> bool:
-        """True when an earlier call made every scan."""
-        return self.record is not None and bool(self.record.get("complete"))
+        """True when an earlier call made every scan, and all are still there."""
+        if self.record is None or not self.record.get("complete") or self.poses is None or self.poses.scans is None:
+            return False
+        return all(path.exists() for name in self.poses.scans for path in self._files(name))
 
     def start(self, poses: NDArray[np.float64], route: dict[str, object]) -> None:
         """Record where to scan from; needed once, unless the folder says it already.
@@ -104,10 +104,10 @@ class RaytraceRun:
         """
         for name in ("scans", "gt"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
-        _write_text(self.folder / "poses.csv", poses_table(poses))
         self.record = {"mcpseg": __version__, "source": self.request.source, **self._identity, "route": route}
         self._write_record({"complete": False})
-        self.poses = read_poses(self.folder / "poses.csv").poses
+        _write_text(self.folder / "poses.csv", poses_table(poses))
+        self.poses = read_poses(self.folder / "poses.csv")
 
     def run(self, jobs: int, should_stop: Callable[[], bool] = lambda: False) -> Iterator[WrittenScan]:
         """Make the scans that are missing, several at once.
@@ -123,41 +123,46 @@ class RaytraceRun:
             OSError: The disk is full or the folder not writable; finished scans are kept.
         """
         assert self.poses is not None
+        assert self.poses.scans is not None
         for leftover in [path for name in ("scans", "gt") for path in (self.folder / name).glob(f".*{PARTIAL}.*")]:
             leftover.unlink(missing_ok=True)
-        empty: list[int] = []
+        names = self.poses.scans
+        empty: list[str] = []
         num_points = 0
         with ThreadPoolExecutor(jobs) as pool:
-            for start in range(0, len(self.poses), 8 * jobs):  # a few ahead, not the whole building
-                numbers = range(start, min(start + 8 * jobs, len(self.poses)))
-                for scan, voxels in pool.map(self._make, numbers):
+            for start in range(0, len(names), 8 * jobs):  # a few ahead, not the whole building
+                few = slice(start, start + 8 * jobs)
+                for scan, voxels in pool.map(self._make, names[few], self.poses.poses[few, :3, 3]):
                     self._seen[voxels] = True
                     num_points += scan.num_points
                     if scan.num_points == 0:
-                        empty.append(scan.number)
+                        empty.append(scan.name)
                     yield scan
                 if should_stop():
                     return
         self._finish(num_points, empty)
 
-    def _make(self, number: int) -> tuple[WrittenScan, NDArray[np.int32]]:
-        """Scan from one place and write what is not there yet: truth first, so that a scan is never without it."""
-        assert self.poses is not None
-        scan = self.scanner.scan(number, self.poses[number, :3, 3])
-        files = [self.folder / name / f"{number:06d}{self.request.suffix}" for name in ("gt", "scans")]
+    def _files(self, name: str) -> list[Path]:
+        """Return the files of one scan in the order of writing: a scan is never without its truth."""
+        return [self.folder / part / f"{name}{self.request.suffix}" for part in ("gt", "scans")]
+
+    def _make(self, name: str, position: NDArray[np.float64]) -> tuple[WrittenScan, NDArray[np.int32]]:
+        """Scan from one place and write what is not there yet."""
+        scan = self.scanner.scan(int(name), position)
+        files = self._files(name)
         was_there = all(path.exists() for path in files)
         if len(scan.points) and not was_there:
             cloud, truth = self.scanner.clouds(scan)
             write_cloud(files[0], truth)
             write_cloud(files[1], cloud)
-        return WrittenScan(number, len(scan.points), was_there), scan.voxels
+        return WrittenScan(name, len(scan.points), was_there), scan.voxels
 
-    def _finish(self, num_points: int, empty: list[int]) -> None:
+    def _finish(self, num_points: int, empty: list[str]) -> None:
         """Leave scans that saw nothing out of the poses, and record the run as complete."""
         assert self.poses is not None
         if empty:
             lines = (self.folder / "poses.csv").read_text().splitlines()
-            kept = [line for number, line in enumerate(lines[1:]) if number not in set(empty)]
+            kept = [line for line in lines[1:] if line.partition(",")[0] not in set(empty)]
             if not kept:
                 raise OutputError(
                     f"{self.folder}: no scan sees anything; expected a longer --range or another --height"
@@ -171,7 +176,7 @@ class RaytraceRun:
             "complete": True,
             "classes": list(building.classes),
             "scans": len(self.poses) - len(empty),
-            "empty_scans": len(empty),
+            "empty_scans": empty,
             "points": num_points,
             "voxels": len(grid),
             "voxels_seen": len(seen),
@@ -200,7 +205,7 @@ def building_hash(building: Building) -> str:
 
 
 def _read_record(folder: Path) -> dict[str, object] | None:
-    """Read raytrace.json; None where there is none."""
+    """Read raytrace.json, written before anything else; None where there is none."""
     path = folder / "raytrace.json"
     if not path.is_file():
         return None
@@ -218,7 +223,8 @@ def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file; expected a folder; choose another -o")
     if record is None:
-        present = [name for name in ("scans", "gt", "poses.csv") if (folder / name).exists()]
+        present = ["poses.csv"] if (folder / "poses.csv").exists() else []
+        present += [f"clouds in {name}/" for name in ("scans", "gt") if _clouds(folder / name)]
         if present:
             raise OutputError(
                 f"{folder}: has {', '.join(present)} but no raytrace.json; expected an empty folder or a run; "
@@ -245,16 +251,20 @@ def _differences(record: dict[str, object], identity: dict[str, object], changed
     return names
 
 
-def _clear(folder: Path, record: dict[str, object] | None) -> None:
-    """Delete the files of a run, and only those."""
-    if record is None:
+def _clear(folder: Path) -> None:
+    """Delete the files of a run, and only those: nothing without a raytrace.json."""
+    if not (folder / "raytrace.json").is_file():
         return
-    for name in ("scans", "gt"):
-        for path in (folder / name).glob("*"):
-            if path.stem.isdigit() and path.suffix in CLOUD_SUFFIXES:
-                path.unlink()
+    for path in [path for name in ("scans", "gt") for path in _clouds(folder / name)]:
+        if path.stem.isdigit():
+            path.unlink()
     for name in ("poses.csv", "raytrace.json"):
         (folder / name).unlink(missing_ok=True)
+
+
+def _clouds(folder: Path) -> list[Path]:
+    """List the cloud files of a folder, which need not exist."""
+    return [path for path in folder.glob("*") if path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "."]
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -1,0 +1,259 @@
+"""``mcpseg raytrace``: what a robot with a laser scanner would see of a known building."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcpseg_cli.cli.options import FormatChoice, Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+
+if TYPE_CHECKING:
+    from mcpseg_cli.building import Building
+    from mcpseg_cli.config import RaytraceSettings
+    from mcpseg_cli.raytrace.drive import Drive, Waypoints
+    from mcpseg_cli.raytrace.run import RaytraceRun
+
+
+class ScannerChoice(StrEnum):
+    """What the simulated scanner covers."""
+
+    PAPER = "paper"
+    AUTHORS = "authors"
+
+
+_Metres = float | None
+_Degrees = float | None
+
+
+def raytrace(
+    areas: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="AREA...", help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ)."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Folder for the scans; for several areas, a folder in it each.  [default: data/AREA]"
+        ),
+    ] = None,
+    step: Annotated[float, typer.Option(metavar="METRES", help="Way between two scans.")] = 0.2,
+    waypoints: Annotated[
+        Path | None,
+        typer.Option(help="File of 'x y' lines to drive past; default: scan_spots.txt of the area, else automatic."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Also draw floor plan, route and scan positions (PNG).")] = None,
+    scanner: Annotated[
+        ScannerChoice, typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program.")
+    ] = ScannerChoice.PAPER,
+    v_min: Annotated[_Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")] = None,
+    v_max: Annotated[_Degrees, typer.Option(metavar="DEGREES", help="Elevation that rays stay below.")] = None,
+    h_res: Annotated[float, typer.Option(metavar="DEGREES", help="Horizontal angle between rays.")] = 1.0,
+    v_res: Annotated[float, typer.Option(metavar="DEGREES", help="Vertical angle between rays.")] = 1.0,
+    reach: Annotated[
+        _Metres, typer.Option("--range", metavar="METRES", help="Reach of the scanner.  [default: 5]")
+    ] = None,
+    height: Annotated[float, typer.Option(metavar="METRES", help="Height of the scanner over the floor.")] = 1.0,
+    voxel_size: Annotated[float, typer.Option(metavar="METRES", help="Edge of a voxel: one point a scan each.")] = 0.1,
+    noise: Annotated[float, typer.Option(metavar="METRES", help="Standard deviation of the measured range.")] = 0.0,
+    dropout: Annotated[
+        float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
+    ] = 0.0,
+    format: Annotated[FormatChoice, typer.Option(help="Format of the clouds.")] = FormatChoice.PLY,  # noqa: A002
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]")
+    ] = None,
+    jobs: Jobs = None,
+    seed: Seed = 0,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Drive a robot through known buildings and scan them.
+
+    A scan every --step metres, 360 x 180 degrees, one point for every voxel that a ray ends in. The output folder gets
+    scans/ (no labels), gt/ (the same points with semantic and instance), poses.csv and raytrace.json: what
+    'mcpseg segment' and 'mcpseg eval' read. Run the same command again to continue after an interruption.
+
+    \b
+    Examples:
+      mcpseg raytrace s3dis/Area_1 --step 0.2
+      mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/
+      mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
+    """
+    import json
+
+    from mcpseg_cli.cli.display import print_table
+    from mcpseg_cli.config import AUTHORS_SCANNER
+
+    preset = AUTHORS_SCANNER if scanner is ScannerChoice.AUTHORS else {}
+    chosen = {"lowest_deg": v_min, "highest_deg": v_max, "reach": reach}
+    settings = _settings(
+        preset
+        | {name: value for name, value in chosen.items() if value is not None}
+        | {"voxel_size": voxel_size, "step": step, "height": height, "horizontal_deg": h_res, "vertical_deg": v_res}
+        | {"noise": noise, "dropout": dropout, "seed": seed}
+    )
+    folders = _folders(areas, output)
+    if len(areas) > 1 and (waypoints or plot):
+        raise typer.BadParameter("--waypoints and --plot are for one area at a time")
+    task = _Task(settings, f".{format.value}", number_of_jobs(jobs), cache, overwrite, quiet, as_json)
+    documents = [task.trace(area, folder, waypoints, plot) for area, folder in zip(areas, folders, strict=True)]
+    if as_json:
+        typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+        return
+    for document in documents:
+        print_table(_rows(document))
+
+
+def _folders(areas: list[Path], output: Path | None) -> list[Path]:
+    """Choose the folder of each area's scans."""
+    names = [area.resolve().name if area.is_dir() else area.stem for area in areas]
+    if len(set(names)) < len(names):
+        raise typer.BadParameter("two areas have the same name; trace them one at a time, each with its own -o")
+    if output is None:
+        return [Path("data") / name for name in names]
+    return [output] if len(areas) == 1 else [output / name for name in names]
+
+
+def _settings(values: dict[str, float]) -> RaytraceSettings:
+    """Check the options that decide the scans."""
+    from pydantic import ValidationError
+
+    from mcpseg_cli.config import RaytraceSettings
+
+    try:
+        return RaytraceSettings.model_validate(values)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        name = _OPTIONS.get(str(problem["loc"][0]), str(problem["loc"][0])) if problem["loc"] else "--v-min"
+        raise typer.BadParameter(f"{name}: {problem['msg']}") from error
+
+
+_OPTIONS = {
+    "voxel_size": "--voxel-size", "lowest_deg": "--v-min", "highest_deg": "--v-max", "reach": "--range",
+    "horizontal_deg": "--h-res", "vertical_deg": "--v-res", "step": "--step", "height": "--height",
+    "noise": "--noise", "dropout": "--dropout", "seed": "--seed",
+}  # fmt: skip
+
+
+class _Task:
+    """What all areas of one command have in common."""
+
+    def __init__(
+        self,
+        settings: RaytraceSettings,
+        suffix: str,
+        jobs: int,
+        cache: Path | None,
+        overwrite: bool,
+        quiet: bool,
+        as_json: bool,
+    ) -> None:
+        self.settings, self.suffix, self.jobs, self.cache = settings, suffix, jobs, cache
+        self.overwrite, self.quiet, self.show = overwrite, quiet, not (quiet or as_json)
+
+    def trace(self, area: Path, folder: Path, given: Path | None, plot: Path | None) -> dict[str, object]:
+        """Trace one area; return what there is to say about it."""
+        from mcpseg_cli.raytrace.drive import find_waypoints
+        from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
+
+        started = perf_counter()
+        waypoints = find_waypoints(area, given)
+        building = self._read(area)
+        request = RaytraceRequest(area.resolve().name, self.settings, self.suffix, waypoints.identity)
+        run = RaytraceRun(folder, building, request, overwrite=self.overwrite)
+        if run.poses is None or plot is not None:
+            drive = self._plan(run, waypoints)
+            if run.poses is None:
+                run.start(drive.route.poses, drive.record())
+            if plot is not None:
+                from mcpseg_cli.raytrace.plot import plot_route
+
+                plot_route(plot, drive.plan, drive.route, building)
+        self._scan(run)
+        return _document(run, building, perf_counter() - started)
+
+    def _read(self, area: Path) -> Building:
+        """Read the building under a progress bar; say what was noticed."""
+        from mcpseg_cli.cli.display import notice, progress_bar
+        from mcpseg_cli.formats.buildings import read_building
+
+        with progress_bar(f"read {area.name}", quiet=not self.show) as bar:
+            task = bar.add_task("", total=None, state="")
+
+            def progress(room: str, done: int, total: int) -> None:
+                bar.update(task, completed=done >> 20, total=total >> 20, state=f"MB  {room}")
+
+            building, notices = read_building(area, self.cache, progress, self.jobs)
+        for line in notices:
+            notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
+        return building
+
+    def _plan(self, run: RaytraceRun, waypoints: Waypoints) -> Drive:
+        """Plan the route under a progress bar; name what the robot cannot reach."""
+        from mcpseg_cli.cli.display import notice, progress_bar
+        from mcpseg_cli.raytrace.drive import plan_drive
+
+        with progress_bar("plan route", quiet=not self.show) as bar:
+            task = bar.add_task("", total=None, state="")
+
+            def progress(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total, state="places looked from")
+
+            drive = plan_drive(run.scanner, waypoints, threads=self.jobs, progress=progress)
+        if drive.unreachable:
+            notice(f"mcpseg: cannot be reached: {', '.join(drive.unreachable)}", quiet=self.quiet)
+        if len(drive.route.skipped):
+            places = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in drive.route.skipped.tolist())
+            notice(f"mcpseg: waypoints not on free floor, skipped: {places}", quiet=self.quiet)
+        return drive
+
+    def _scan(self, run: RaytraceRun) -> None:
+        """Make the scans that are missing under a progress bar."""
+        from mcpseg_cli.cli.display import notice, progress_bar
+
+        assert run.poses is not None
+        if run.is_complete:
+            notice(f"mcpseg: {run.folder}: nothing to do: all scans are made", quiet=self.quiet)
+            return
+        with progress_bar("scan", quiet=not self.show) as bar:
+            task = bar.add_task("", total=len(run.poses), state="")
+            for scan in run.run(self.jobs):
+                bar.update(task, advance=1, state=f"{scan.num_points:,} points")
+
+
+def _document(run: RaytraceRun, building: Building, seconds: float) -> dict[str, object]:
+    """Say what a finished run made."""
+    import resource
+
+    assert run.record is not None
+    keys = ("source", "scans", "points", "voxels", "voxels_seen", "objects_seen", "route")
+    return {
+        **{key: run.record[key] for key in keys},
+        "building_points": len(building),
+        "objects": len(building.object_names) or int(building.instance.max()),
+        "output": str(run.folder),
+        "seconds": round(seconds, 2),
+        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+    }
+
+
+def _rows(document: dict[str, object]) -> list[tuple[str, str]]:
+    """Lay a document out as the rows of a table."""
+    route = document["route"]
+    assert isinstance(route, dict)
+    return [
+        ("building", f"{document['source']}: {document['building_points']:,} points, {document['objects']:,} objects"),
+        ("route", f"{route['length_m']:,.1f} m past {route['waypoints']:,} waypoints"),
+        ("scans", f"{document['scans']:,}, {document['points']:,} points"),
+        ("voxels seen", f"{document['voxels_seen']:,} of {document['voxels']:,}"),
+        ("objects seen", f"{document['objects_seen']:,} of {document['objects']:,}"),
+        ("time", f"{document['seconds']:,.1f} s, peak memory {document['peak_memory_mb']:,.0f} MB"),
+        ("output", str(document["output"])),
+    ]
