@@ -19,7 +19,6 @@ from mcpseg_cli.formats.buildings import read_building
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
-from matplotlib.colors import to_hex
 from matplotlib.patches import Patch
 
 CLASS_RGB = {
@@ -111,7 +110,7 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     pictures = [look(xyz, rgb[rows], eye, target) for rgb in (building.rgb, class_colours(building))]
     present = np.unique(building.semantic[rows])
     names = [building.classes[index] for index in present if index < len(building.classes)]
-    legend = [Patch(color=to_hex(np.divide(CLASS_RGB[name], 255)), label=name) for name in names]
+    legend = [Patch(color="#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]), label=name) for name in names]
     figure, axes = plt.subplots(1, 2, figsize=(16, 6.8))
     for axis, picture in zip(axes, pictures, strict=True):
         axis.imshow(picture)

@@ -1,0 +1,303 @@
+"""HDF5: a labelled building as plain arrays, and the files of the MCPNet authors. Never unpickles."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.building import Building
+from mcpseg_cli.classes import MCPNET_CLASSES, UNKNOWN
+from mcpseg_cli.errors import InputError, OutputError, naming
+
+_FORMAT = "mcpseg building 1"
+_COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "xyz": ("<f4", (3,)), "rgb": ("|u1", (3,)), "semantic": ("|u1", ()), "instance": ("<i4", ()),
+}  # fmt: skip
+_NAMES = ("classes", "rooms", "object_names")
+_ROWS = 1 << 20  # rows of the authors' table converted at once
+_REMEDY = "write or copy it again"
+
+
+def write_building_h5(path: Path, building: Building, tags: dict[str, str] | None = None) -> None:
+    """Write a building as an HDF5 file of plain arrays; it appears under its name only when complete.
+
+    Uncompressed: LZF saves nothing on coordinates and takes ten times as long.
+
+    Args:
+        path: The file; its folder must exist; replaced if there.
+        building: What to write.
+        tags: Any further text by name, see ``read_tags``.
+
+    Raises:
+        OutputError: A name is empty or not printable.
+        OSError: The disk is full or the folder not writable; nothing is left behind.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with naming(path), partial.open("w+b") as raw:
+            file = _SteadyFile(raw)
+            _write_datasets(path, file, building, tags or {})
+            file.close()
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_building_h5(path: Path) -> Building:
+    """Read a building that ``write_building_h5`` wrote, or a file of the MCPNet authors.
+
+    Theirs holds ``points`` (N, 8): x y z r g b object class, classes in ``MCPNET_CLASSES``. Colours below 0 are taken
+    for -0.5 to 0.5, colours that are all at most 1 for 0 to 1, others for 0 to 255. Where ``count_room`` gives the
+    points of each room, object ids restart in every room and are numbered anew from 1; the rooms have no names.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The building; ids are checked against the tables of names.
+
+    Raises:
+        InputError: Not HDF5, cut, damaged, or without the datasets expected.
+        OSError: The file cannot be opened.
+    """
+    with path.open("rb"):  # h5py's own messages for a missing or unreadable file say little
+        pass
+    try:
+        with h5py.File(path, "r") as file:
+            return _authors_building(path, file) if "points" in file else _own_building(path, file)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+        raise _damaged(path, error) from error
+
+
+def read_tags(path: Path) -> dict[str, str]:
+    """Read the text that ``write_building_h5`` was given as ``tags``.
+
+    Raises:
+        InputError: Not a file of ours, or damaged.
+        OSError: The file cannot be opened.
+    """
+    with path.open("rb"):
+        pass
+    try:
+        with h5py.File(path, "r") as file:
+            tags = json.loads(_array(path, file, "tags", "|u1", (None,)).tobytes())
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+        raise _damaged(path, error) from error
+    if not isinstance(tags, dict) or not all(isinstance(text, str) for text in tags.values()):
+        raise InputError(path, "tags that are no texts", "text by name", _REMEDY)
+    return tags
+
+
+class _SteadyFile(io.RawIOBase):
+    """A file that goes on after a failed write and says so when closed: HDF5 crashes the process over a full disk."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._error: BaseException | None = None
+
+    def write(self, data: object) -> int:
+        view = memoryview(data)  # type: ignore[arg-type]
+        if self._error is None:
+            try:
+                self._file.write(view)
+            except BaseException as error:  # an interrupt, too, has to wait
+                self._error = error
+        return view.nbytes
+
+    def truncate(self, size: int | None = None) -> int:
+        if self._error is None:
+            try:
+                self._file.truncate(size)
+            except BaseException as error:
+                self._error = error
+        return size or 0
+
+    def readinto(self, buffer: object) -> int:
+        return self._file.readinto(buffer)  # type: ignore[attr-defined, no-any-return]
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        try:
+            return self._file.seek(offset, whence)
+        except OSError as error:  # it writes what is buffered first
+            self._error = self._error or error
+            return offset
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def close(self) -> None:
+        super().close()
+        if self._error is not None:
+            raise self._error
+        self._file.flush()
+
+
+def _write_datasets(path: Path, stream: _SteadyFile, building: Building, tags: dict[str, str]) -> None:
+    """Write every array under its name."""
+    arrays: dict[str, NDArray[np.generic]] = {name: getattr(building, name) for name in _COLUMNS}
+    if building.room_starts is not None:
+        arrays["room_starts"] = building.room_starts.astype("<i8")
+    for name in _NAMES:
+        texts = [text.encode(errors="replace") for text in getattr(building, name)]
+        if any(not text or not text.isprintable() for text in getattr(building, name)):
+            raise OutputError(f"{path}: {name} holds a name that is empty or not printable; expected text; rename it")
+        arrays[name] = np.array(texts, f"S{max(map(len, texts), default=1)}")
+    arrays["tags"] = np.frombuffer(json.dumps(tags).encode(), np.uint8)
+    with h5py.File(stream, "w") as file:
+        file.attrs["format"] = np.bytes_(_FORMAT)
+        file.attrs["crc32"] = np.int64(_checksum(building))
+        for name, array in arrays.items():
+            file.create_dataset(name, data=array)
+
+
+def _own_building(path: Path, file: h5py.File) -> Building:
+    """Read and check what ``_write_datasets`` wrote."""
+    found = file.attrs.get("format")
+    if found != _FORMAT.encode():
+        raise InputError(
+            path,
+            f"datasets {', '.join(file) or '(none)'}",
+            f"a file of the format {_FORMAT!r}, or points (N, 8)",
+            _REMEDY,
+        )
+    columns = {name: _array(path, file, name, dtype, (None, *shape)) for name, (dtype, shape) in _COLUMNS.items()}
+    names = {name: _texts(path, file, name) for name in _NAMES}
+    starts = _array(path, file, "room_starts", "<i8", (len(names["rooms"]) + 1,)) if "room_starts" in file else None
+    building = Building(**columns, **names, room_starts=starts)  # type: ignore[arg-type]
+    _check(path, building)
+    if int(file.attrs["crc32"]) != _checksum(building):
+        raise InputError(path, "content that differs from its checksum", "what was written", _REMEDY)
+    return building
+
+
+def _check(path: Path, building: Building) -> None:
+    """Refuse labels, objects and rooms that the tables do not have."""
+    starts, instance, count = building.room_starts, building.instance, len(building)
+    if count == 0:
+        raise InputError(path, "zero points", "at least one point", _REMEDY)
+    if not np.isfinite(building.xyz).all():
+        raise InputError(path, "NaN or infinite coordinates", "finite coordinates", _REMEDY)
+    labels = building.semantic[building.semantic != UNKNOWN]
+    if labels.max(initial=0) >= max(len(building.classes), 1):
+        raise InputError(path, f"class {labels.max()}", f"below {len(building.classes)}, or {UNKNOWN}", _REMEDY)
+    last = len(building.object_names) or np.iinfo(np.int32).max
+    if instance.min() < 0 or instance.max() > last:
+        raise InputError(path, f"objects {instance.min()} to {instance.max()}", f"0 to {last}", _REMEDY)
+    if starts is not None and (starts[0] != 0 or starts[-1] != count or (np.diff(starts) < 0).any()):
+        raise InputError(path, "room_starts that are no division of the points", f"0 to {count:,}, rising", _REMEDY)
+
+
+def _checksum(building: Building) -> int:
+    """Return the CRC-32 of all points, names and rooms."""
+    starts = building.room_starts if building.room_starts is not None else np.empty(0)
+    checksum = zlib.crc32(repr((starts.tolist(), *(getattr(building, name) for name in _NAMES))).encode())
+    for name in _COLUMNS:
+        checksum = zlib.crc32(np.ascontiguousarray(getattr(building, name)).data, checksum)
+    return checksum
+
+
+def _authors_building(path: Path, file: h5py.File) -> Building:
+    """Convert the authors' table."""
+    table = _dataset(path, file, "points")
+    if table.ndim != 2 or table.shape[1] != 8 or table.dtype.kind not in "fiu" or len(table) == 0:
+        raise InputError(
+            path, f"points {table.dtype} {table.shape}", "points (N, 8): x y z r g b object class", "convert it"
+        )
+    count, scale = len(table), _colour_scale(table)
+    xyz, rgb = np.empty((count, 3), np.float32), np.empty((count, 3), np.uint8)
+    semantic, instance = np.empty(count, np.uint8), np.empty(count, np.int32)
+    for start in range(0, count, _ROWS):
+        rows = table[start : start + _ROWS].astype(np.float64)
+        part = slice(start, start + len(rows))
+        labels, classes = rows[:, 6:], len(MCPNET_CLASSES)
+        if not np.isfinite(rows).all() or (labels[:, 1] < 0).any() or (labels >= [2**31, classes]).any():
+            raise InputError(
+                path,
+                "points with NaN, or classes out of range",
+                f"finite numbers, classes 0 to {classes - 1}",
+                "mend it",
+            )
+        xyz[part] = rows[:, :3]
+        rgb[part] = np.clip(np.rint(rows[:, 3:6] * scale[0] + scale[1]), 0, 255)
+        instance[part] = np.maximum(labels[:, 0], 0)
+        semantic[part] = labels[:, 1]
+    starts = _room_starts(path, file, count)
+    if starts is not None:
+        room = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        instance = _numbered(instance, room)
+    rooms = tuple(f"room_{number}" for number in range(1, len(starts))) if starts is not None else ()
+    return Building(xyz, rgb, semantic, instance, MCPNET_CLASSES, rooms, starts)
+
+
+def _colour_scale(table: h5py.Dataset) -> tuple[float, float]:
+    """Return factor and summand that take the authors' colours to 0-255."""
+    low, high = np.inf, -np.inf
+    for start in range(0, len(table), _ROWS):
+        colours = table[start : start + _ROWS, 3:6]
+        low, high = min(low, float(colours.min())), max(high, float(colours.max()))
+    if low < 0:
+        return 255.0, 127.5
+    return (255.0, 0.0) if high <= 1 else (1.0, 0.0)
+
+
+def _room_starts(path: Path, file: h5py.File, count: int) -> NDArray[np.int64] | None:
+    """Return where the authors' rooms start, if the file says."""
+    if "count_room" not in file:
+        return None
+    counts = _dataset(path, file, "count_room")[...]
+    if counts.ndim != 1 or counts.dtype.kind not in "iu" or (counts < 0).any() or int(counts.sum()) != count:
+        raise InputError(path, "count_room that does not add up", f"room sizes that sum to {count:,}", _REMEDY)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def _numbered(instance: NDArray[np.int32], room: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Number objects through all rooms from 1; 0 stays 0."""
+    keys = (room << 32) | instance
+    unique, numbers = np.unique(keys[instance > 0], return_inverse=True)
+    numbered = np.zeros(len(instance), np.int32)
+    numbered[instance > 0] = np.arange(1, len(unique) + 1, dtype=np.int32)[numbers]
+    return numbered
+
+
+def _dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
+    """Return a dataset whose numbers lie in this file."""
+    dataset = file.get(name) if file.get(name, getlink=True).__class__ is h5py.HardLink else None
+    if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
+        raise InputError(path, f"no dataset {name!r} (datasets {', '.join(file) or '(none)'})", f"{name!r}", _REMEDY)
+    if dataset.size and not dataset.id.get_storage_size():
+        raise InputError(path, f"{name!r} without data", f"{dataset.shape} values", _REMEDY)
+    return dataset
+
+
+def _array(path: Path, file: h5py.File, name: str, dtype: str, shape: tuple[int | None, ...]) -> NDArray[np.generic]:
+    """Read a dataset of this type and shape; None stands for any length."""
+    dataset = _dataset(path, file, name)
+    fits = len(dataset.shape) == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, dataset.shape, strict=True)
+    )
+    if dataset.dtype.str != dtype or not fits:
+        want = "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
+        raise InputError(path, f"{name} {dataset.dtype} {dataset.shape}", f"{np.dtype(dtype)} {want}", _REMEDY)
+    return np.asarray(dataset[...])
+
+
+def _texts(path: Path, file: h5py.File, name: str) -> tuple[str, ...]:
+    """Read a table of names, stored as fixed-length UTF-8."""
+    dataset = _dataset(path, file, name)
+    if dataset.dtype.kind != "S" or dataset.ndim != 1:
+        raise InputError(path, f"{name} {dataset.dtype} {dataset.shape}", "names of fixed length (N,)", _REMEDY)
+    return tuple(text.decode() for text in dataset[...].tolist())
+
+
+def _damaged(path: Path, error: BaseException) -> InputError:
+    """Explain what h5py says of a file it cannot read."""
+    cause = " ".join(str(error).split()) or type(error).__name__
+    return InputError(path, f"not a readable HDF5 file ({cause[:160]})", "an undamaged HDF5 file", _REMEDY)

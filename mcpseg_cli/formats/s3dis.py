@@ -1,0 +1,265 @@
+"""S3DIS folders: ``Area_1/office_1/Annotations/chair_2.txt``, a text file of points for every object of every room."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.building import Building
+from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.errors import InputError, McpsegError, OutputError, naming
+from mcpseg_cli.formats.hdf5 import read_building_h5, read_tags, write_building_h5
+from mcpseg_cli.formats.s3dis_files import ANNOTATIONS, ObjectFile, Points, list_area, read_files
+from mcpseg_cli.formats.s3dis_text import format_lines
+
+_CACHE_VERSION = "1"  # raise it when the same text comes to give another building
+_NAME = re.compile(r"[^\W_][\w.-]*")
+
+Progress = Callable[[str, int, int], None]
+"""Called with the room being read, the bytes read and the bytes to read."""
+
+
+@dataclass(frozen=True)
+class AreaReport:
+    """What was noticed when reading an area; every list names files from the area's folder on.
+
+    Attributes:
+        num_files: Object files with points.
+        mended: ``file:line`` of each bad line that was read after all.
+        dropped: ``file:line`` of each bad line that was not.
+        empty: Object files without a point; passed over.
+        without_annotations: Folders that hold no annotations or only empty ones; passed over.
+        other_classes: Objects by class that is none of the 13; they became clutter.
+        from_cache: Whether the points came from the cache.
+        cache_notice: Why there is no cache, or why it was made anew; empty when all is as usual.
+    """
+
+    num_files: int
+    mended: tuple[str, ...] = ()
+    dropped: tuple[str, ...] = ()
+    empty: tuple[str, ...] = ()
+    without_annotations: tuple[str, ...] = ()
+    other_classes: tuple[tuple[str, int], ...] = ()
+    from_cache: bool = False
+    cache_notice: str = ""
+
+    def notices(self) -> tuple[str, ...]:
+        """Give one line for each kind of thing a user should know; nothing when all is as usual."""
+        others = tuple(f"{name} ({count})" for name, count in self.other_classes)
+        kinds = (
+            ("bad line mended", self.mended),
+            ("bad line dropped", self.dropped),
+            ("file without points passed over", self.empty),
+            ("folder without annotations passed over", self.without_annotations),
+            ("class counted as clutter", others),
+        )
+        lines = [f"{len(found):,} x {kind}: {_some(found)}" for kind, found in kinds if found]
+        return (*lines, *([self.cache_notice] if self.cache_notice else []))
+
+
+def read_area(
+    path: Path,
+    cache: Path | None = None,
+    progress: Progress | None = None,
+    threads: int = 2,
+    *,
+    use_cache: bool = True,
+) -> tuple[Building, AreaReport]:
+    """Read an S3DIS area, or one room of it, from text or from the cache made when it was first read.
+
+    Rooms and files come in natural order (office_2 before office_10), objects are numbered in this order from 1. The
+    class is the file's name up to the number; classes other than the 13 become clutter. Hidden files, and files that
+    are not .txt, are passed over. See ``s3dis_text.read_lines`` for what becomes of bad lines.
+
+    The cache belongs to the names, sizes and times of all object files: whenever one differs, or it is damaged, the
+    text is read again. That it cannot be written is a notice, no error.
+
+    Args:
+        path: The area's folder, a room's, or a room's ``Annotations``.
+        cache: Folder of the cache, made if not there; the area's own by default (a hidden file).
+        progress: Told how far reading has come.
+        threads: Files, or parts of them, read at once.
+        use_cache: False neither reads nor writes the cache.
+
+    Returns:
+        The building, with 20 bytes for each point, and what was noticed.
+
+    Raises:
+        InputError: Not the layout, no points at all, or a file with more than 10 bad lines and 0.1 % of them.
+        OSError: A file cannot be read.
+    """
+    folder, files, skipped = list_area(path)
+    cached = (folder / ".mcpseg.h5" if cache is None else cache / f"{folder.name}.mcpseg.h5") if use_cache else None
+    fingerprint = _fingerprint(folder, files)
+    notice = ""
+    if cached is not None:
+        found, notice = _from_cache(cached, fingerprint)
+        if found is not None:
+            return found
+    points = read_files(files, folder, threads, progress)
+    building, report = _assemble(folder, files, points)
+    report = replace(report, without_annotations=skipped + report.without_annotations)
+    if cached is not None:
+        tags = {"fingerprint": fingerprint, "report": json.dumps(asdict(report))}
+        notice = _to_cache(cached, building, tags) or notice
+    return building, replace(report, cache_notice=notice)
+
+
+def write_room(
+    area: Path, room: str, objects: Iterable[tuple[str, NDArray[np.float32], NDArray[np.uint8]]]
+) -> tuple[str, ...]:
+    """Write one room in the S3DIS layout: ``area/room/Annotations/class_k.txt``, k from 1 in each class.
+
+    The room appears under its name only when complete; until then it lies in a hidden folder, which ``read_area``
+    passes over and the next attempt replaces. Coordinates are rounded to millimetres.
+
+    Args:
+        area: The area's folder, made if not there.
+        room: Name of the room, such as ``office_1``.
+        objects: Class, (N, 3) float32 metres in the map frame and (N, 3) uint8 colour of each; consumed one at a time.
+            Objects without points are not written.
+
+    Returns:
+        The name of each object's file without .txt, in the order given; empty for one that was not written.
+
+    Raises:
+        OutputError: The room is already there, a name has characters other than letters, digits and ``_ . -``, or a
+            coordinate is not finite.
+        OSError: The disk is full or the folder not writable; nothing is left behind.
+    """
+    _check_name(area, room)
+    if (area / room).exists():
+        raise OutputError(f"{area / room}: already there; expected a new room; remove it or name another")
+    hidden = area / f".{room}.part"
+    shutil.rmtree(hidden, ignore_errors=True)
+    (hidden / ANNOTATIONS).mkdir(parents=True)
+    try:
+        names = _write_objects(hidden / ANNOTATIONS, area / room, objects)
+        hidden.rename(area / room)
+    except BaseException:
+        shutil.rmtree(hidden, ignore_errors=True)
+        raise
+    return names
+
+
+def _write_objects(
+    folder: Path, room: Path, objects: Iterable[tuple[str, NDArray[np.float32], NDArray[np.uint8]]]
+) -> tuple[str, ...]:
+    """Write a file for each object that has points."""
+    counts: dict[str, int] = {}
+    names = []
+    for name, xyz, rgb in objects:
+        _check_name(room, name)
+        if len(xyz) == 0:
+            names.append("")
+            continue
+        counts[name] = counts.get(name, 0) + 1
+        names.append(f"{name}_{counts[name]}")
+        path = folder / f"{names[-1]}.txt"
+        try:
+            with naming(path), path.open("wb") as file:
+                for piece in format_lines(xyz, rgb):
+                    file.write(piece)
+        except ValueError as error:
+            raise OutputError(f"{room}: {names[-1]}: {error}; expected metres; write other points") from error
+    return tuple(names)
+
+
+def _check_name(source: Path, name: str) -> None:
+    """Refuse names that are no plain file name."""
+    if not _NAME.fullmatch(name):
+        raise OutputError(f"{source}: the name {name!r}; expected letters, digits and _ . - in it; rename it")
+
+
+def _class_of(file: ObjectFile) -> str:
+    """Return the class an object file is named after."""
+    return re.sub(r"_?\d*$", "", file.path.stem).lower()
+
+
+def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Building, AreaReport]:
+    """Label the points and number rooms and objects that have any."""
+    counts = points.counts
+    kept = [number for number in range(len(files)) if counts[number] > 0]
+    if not kept:
+        raise InputError(folder, f"{len(files):,} object files without a point", "at least one point", "copy it again")
+    names = [_class_of(files[number]) for number in kept]
+    indices = [S3DIS_CLASSES.index(name if name in S3DIS_CLASSES else "clutter") for name in names]
+    rooms = tuple(dict.fromkeys(files[number].room for number in kept))
+    sizes = dict.fromkeys(rooms, 0)
+    for number in kept:
+        sizes[files[number].room] += int(counts[number])
+    building = Building(
+        points.xyz,
+        points.rgb,
+        np.repeat(np.array(indices, np.uint8), counts[kept]),
+        np.repeat(np.arange(1, len(kept) + 1, dtype=np.int32), counts[kept]),
+        rooms=rooms,
+        room_starts=np.concatenate([[0], np.cumsum(list(sizes.values()))]).astype(np.int64),
+        object_names=tuple(f"{files[number].room}/{files[number].path.stem}" for number in kept),
+    )
+    others = sorted(name for name in names if name not in S3DIS_CLASSES)
+    report = AreaReport(
+        num_files=len(kept),
+        mended=points.mended,
+        dropped=points.dropped,
+        empty=tuple(file.name_in(folder) for file, count in zip(files, counts, strict=True) if count == 0),
+        without_annotations=tuple(room for room in dict.fromkeys(file.room for file in files) if room not in sizes),
+        other_classes=tuple((name, others.count(name)) for name in dict.fromkeys(others)),
+    )
+    return building, report
+
+
+def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
+    """Hash what tells one state of the object files from another."""
+    lines = [f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}" for file in files]
+    return hashlib.sha256("\n".join([_CACHE_VERSION, *lines]).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _from_cache(path: Path, fingerprint: str) -> tuple[tuple[Building, AreaReport] | None, str]:
+    """Read the cache if it belongs to these files; else say why it was made anew."""
+    if not path.exists():
+        return None, ""
+    try:
+        tags = read_tags(path)
+        if tags.get("fingerprint") != fingerprint:
+            return None, f"{path}: made from other files; the cache was made anew"
+        return (read_building_h5(path), _report_of(tags["report"])), ""
+    except (McpsegError, OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        return None, f"{path}: not usable ({error}); the cache was made anew"
+
+
+def _report_of(text: str) -> AreaReport:
+    """Read a report from JSON."""
+    saved = json.loads(text)
+    return AreaReport(
+        num_files=saved["num_files"],
+        mended=tuple(saved["mended"]),
+        dropped=tuple(saved["dropped"]),
+        empty=tuple(saved["empty"]),
+        without_annotations=tuple(saved["without_annotations"]),
+        other_classes=tuple((name, count) for name, count in saved["other_classes"]),
+        from_cache=True,
+    )
+
+
+def _to_cache(path: Path, building: Building, tags: dict[str, str]) -> str:
+    """Write the cache; say why if that cannot be done."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_building_h5(path, building, tags)
+    except (McpsegError, OSError) as error:
+        return f"no cache was written ({error}); give another folder for it to read faster next time"
+    return ""
+
+
+def _some(found: tuple[str, ...]) -> str:
+    """List a few."""
+    return ", ".join(found[:5]) + (f" and {len(found) - 5:,} more" if len(found) > 5 else "")
