@@ -30,7 +30,7 @@ CLASS_RGB = {
 SIZE = (600, 800)  # height and width of a picture, pixels
 FOCAL = 0.6  # of the width: 80 degrees across
 NEAR = 0.7  # metres; nearer points are left out
-SPLAT = 0.035  # metres a point covers
+SPLAT = 0.045  # metres a point covers
 BACKGROUND = 20
 
 
@@ -59,7 +59,7 @@ def look(
     scale = FOCAL * width / view[:, 2]
     column = width / 2 + view[:, 0] * scale
     row = height / 2 - view[:, 1] * scale
-    half = np.clip(np.rint(SPLAT * scale / 2), 0, 6).astype(int)
+    half = np.clip(np.rint(SPLAT * scale / 2), 0, 14).astype(int)
     order = np.argsort(-view[:, 2], kind="stable")  # the nearest is drawn last
     picture = np.full((height, width, 3), BACKGROUND, np.uint8)
     depth = np.full((height, width), np.inf)
@@ -129,7 +129,7 @@ def draw_above(building: Building, path: Path) -> None:
     keep = (height < 2.0) & ~np.isin(building.semantic, np.flatnonzero(names == "ceiling"))
     order = np.flatnonzero(keep)[np.argsort(height[keep], kind="stable")]
     low, high = building.xyz[order, :2].min(axis=0), building.xyz[order, :2].max(axis=0)
-    pixel = max(float((high - low).max()) / 1400, 0.01)
+    pixel = max(float((high - low).max()) / 1400, SPLAT)
     size = np.ceil((high - low) / pixel).astype(int) + 1
     figure, axes = plt.subplots(1, 2, figsize=(18, 9 * size[1] / size[0] + 0.6))
     for axis, rgb in zip(axes, (building.rgb, class_colours(building)), strict=True):
