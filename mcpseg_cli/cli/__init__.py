@@ -10,6 +10,7 @@ from mcpseg_cli.cli.evaluate import evaluate
 from mcpseg_cli.cli.import_weights import import_weights
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
+from mcpseg_cli.cli.synth import synth
 
 app = typer.Typer(
     name="mcpseg",
@@ -40,6 +41,7 @@ def top(
     """
 
 
+app.command("synth")(synth)
 app.command("raytrace")(raytrace)
 app.command("segment")(segment)
 app.command("eval")(evaluate)

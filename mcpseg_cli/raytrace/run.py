@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,9 +15,10 @@ from numpy.typing import NDArray
 from mcpseg_cli import __version__
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
-from mcpseg_cli.errors import OutputError, naming
+from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.formats.whole import write_whole
 from mcpseg_cli.raytrace.scanner import POSE_COLUMNS, VirtualScanner, poses_table
 
 _FORMAT = 1  # of the folder; another number is another run
@@ -106,7 +106,7 @@ class RaytraceRun:
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self.record = {"mcpseg": __version__, "source": self.request.source, **self._identity, "route": route}
         self._write_record({"complete": False})
-        _write_text(self.folder / "poses.csv", poses_table(poses))
+        write_whole(self.folder / "poses.csv", poses_table(poses))
         self.poses = read_poses(self.folder / "poses.csv")
 
     def run(self, jobs: int, should_stop: Callable[[], bool] = lambda: False) -> Iterator[WrittenScan]:
@@ -167,7 +167,7 @@ class RaytraceRun:
                 raise OutputError(
                     f"{self.folder}: no scan sees anything; expected a longer --range or another --height"
                 )
-            _write_text(self.folder / "poses.csv", "\n".join([POSE_COLUMNS, *kept]) + "\n")
+            write_whole(self.folder / "poses.csv", "\n".join([POSE_COLUMNS, *kept]) + "\n")
         building, grid = self.scanner.building, self.scanner.grid
         seen = grid.points[self._seen]
         per_class = np.bincount(building.semantic[seen], minlength=256)
@@ -192,7 +192,7 @@ class RaytraceRun:
         """Write raytrace.json."""
         assert self.record is not None
         self.record |= facts
-        _write_text(self.folder / "raytrace.json", json.dumps(self.record, indent=1) + "\n")
+        write_whole(self.folder / "raytrace.json", json.dumps(self.record, indent=1) + "\n")
 
 
 def building_hash(building: Building) -> str:
@@ -265,15 +265,3 @@ def _clear(folder: Path) -> None:
 def _clouds(folder: Path) -> list[Path]:
     """List the cloud files of a folder, which need not exist."""
     return [path for path in folder.glob("*") if path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "."]
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write a file that appears under its name only when complete."""
-    partial = path.with_name(f".{os.getpid()}{PARTIAL}.{path.name}")
-    try:
-        with naming(path):
-            partial.write_text(text)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    partial.replace(path)

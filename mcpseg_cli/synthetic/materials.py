@@ -24,6 +24,7 @@ class Material:
         accent: Second colour: grain, mortar, stripes, ink.
         scale: Size of the pattern's repeat, metres.
         seed: Tells two surfaces of one material apart.
+        glow: Light the surface gives off itself, as a share of white: lamps, screens, panes with the day behind them.
     """
 
     pattern: Pattern
@@ -31,3 +32,4 @@ class Material:
     accent: Colour
     scale: float = 0.1
     seed: int = 0
+    glow: float = 0.0

@@ -25,6 +25,11 @@ class Opening:
         end: Where it ends.
         low: Height of its lower edge over the floor, metres.
         high: Height of its upper edge.
+        leaf_deg: How far a door's leaf stands open into this room; 0 closed, -1 no leaf on this side.
+        hinge_at_end: Whether the leaf hangs at ``end``.
+        depth: How deep the reveal is on this room's side (half the wall), metres.
+        glazing: What a window is: single panes over a sill, a band, glass from the floor up, or glass to a corridor.
+        is_dummy: Whether a door leads nowhere: shafts, cupboards, stairs that were not scanned.
     """
 
     kind: Literal["door", "window", "passage"]
@@ -33,6 +38,26 @@ class Opening:
     end: float
     low: float
     high: float
+    leaf_deg: float = -1.0
+    hinge_at_end: bool = False
+    depth: float = 0.08
+    glazing: Literal["single", "band", "full", "interior"] = "single"
+    is_dummy: bool = False
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """Something built in that takes up room.
+
+    Attributes:
+        kind: What it is; a shaft is a piece of wall boxed out into the room.
+        low: (3,) lowest corner, metres, map frame.
+        high: (3,) highest corner.
+    """
+
+    kind: Literal["column", "round column", "beam", "radiator", "shaft", "duct", "pipe"]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -48,6 +73,8 @@ class Room:
         openings: Doors, windows and passages.
         taken: Boxes, (2, 3) lowest and highest corner each, that furniture keeps clear of: columns, pipes, open door
             leaves and where they swing, the way through doors.
+        fixtures: Columns, beams, radiators and the like; those that reach down are in ``taken``.
+        exterior: Sides with nothing but the street behind them.
     """
 
     name: str
@@ -57,3 +84,10 @@ class Room:
     ceiling: float
     openings: tuple[Opening, ...] = ()
     taken: tuple[NDArray[np.float64], ...] = field(default=())
+    fixtures: tuple[Fixture, ...] = ()
+    exterior: tuple[int, ...] = ()
+
+    def reach_of(self, side: int) -> tuple[float, float]:
+        """Return where the wall on a side begins and ends, metres."""
+        axis = side % 2
+        return float(self.low[axis]), float(self.high[axis])

@@ -99,7 +99,7 @@ def frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], low: float, h
     for k in range(len(below)):
         after = (k + 1) % len(below)
         faces += [[below[k], below[after], above[after]], [below[k], above[after], above[k]]]
-    return np.array(faces)
+    return np.array(faces, np.float64)
 
 
 def circle(radius: float, sides: int = 12, x: float = 0.0, y: float = 0.0) -> NDArray[np.float64]:
@@ -168,7 +168,8 @@ def tilted(triangles: Triangles, pitch: float) -> Triangles:
 def area_of(triangles: Triangles) -> NDArray[np.float64]:
     """Return the (F,) areas of triangles, square metres."""
     sides = triangles[:, 1:] - triangles[:, :1]
-    return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    areas: NDArray[np.float64] = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return areas
 
 
 def all_parts(items: Iterable[Item]) -> list[Part]:

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mcpseg_cli.synthetic.materials import Colour, Material, Pattern
+from mcpseg_cli.synthetic.plan import RoomKind
+
+CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
+LampKind = Literal["panel", "strip", "pendant", "downlight", "globe", "trough"]
+DoorKind = Literal["wood", "painted", "steel", "glazed", "panelled"]
+Glazing = Literal["single", "band", "full"]
+CorridorShape = Literal["straight", "L", "U", "T", "loop"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +32,26 @@ class Style:
         chairs: Chair designs in use, by name; the catalogue of chairs knows them.
         tables: Table designs in use.
         tidiness: 0 for rooms full of clutter to 1 for bare ones.
+        walls: Paint of walls.
+        accents: Paint of feature walls, of painted doors and of steel.
+        wall_patterns: Surfaces of walls; the first is the usual one.
+        floors: Floors of rooms.
+        hall_floors: Floors of corridors, WCs and storage rooms.
+        ceilings: Kinds of ceiling.
+        lamps: Kinds of lamp.
+        glazing: Kinds of window to the street.
+        doors: Kinds of door leaf.
+        height: Lowest and highest ceiling, metres.
+        glass_walls: Share of rooms with glass to the corridor.
+        beams: Share of rooms with beams.
+        columns: Share of rooms with columns.
+        ducts: Share of rooms with open ducts and pipes where the ceiling is not suspended.
+        feature_walls: Share of walls in an accent colour or pattern.
+        kelvin: Colour temperature of lamps, lowest and highest.
+        daylight: How much light comes through windows, lowest and highest; 1 is as much as from the lamps.
+        exposure: Exposure of the camera, lowest and highest; 1 is right.
+        kinds: How often each kind of room occurs.
+        corridors: Shapes of the corridor network.
     """
 
     name: str
@@ -36,6 +64,26 @@ class Style:
     chairs: tuple[str, ...]
     tables: tuple[str, ...]
     tidiness: float
+    walls: tuple[Colour, ...] = ((214, 210, 198),)
+    accents: tuple[Colour, ...] = ((90, 110, 130),)
+    wall_patterns: tuple[Pattern, ...] = ("plaster",)
+    floors: tuple[Material, ...] = (Material("carpet", (110, 108, 105), (85, 84, 84), 0.5),)
+    hall_floors: tuple[Material, ...] = (Material("tiles", (170, 165, 155), (120, 115, 108), 0.4),)
+    ceilings: tuple[CeilingKind, ...] = ("acoustic",)
+    lamps: tuple[LampKind, ...] = ("panel",)
+    glazing: tuple[Glazing, ...] = ("single",)
+    doors: tuple[DoorKind, ...] = ("wood",)
+    height: tuple[float, float] = (2.6, 2.9)
+    glass_walls: float = 0.1
+    beams: float = 0.3
+    columns: float = 0.3
+    ducts: float = 0.5
+    feature_walls: float = 0.15
+    kelvin: tuple[float, float] = (3000.0, 5000.0)
+    daylight: tuple[float, float] = (0.1, 0.8)
+    exposure: tuple[float, float] = (0.7, 1.2)
+    kinds: tuple[tuple[RoomKind, float], ...] = (("office", 1.0),)
+    corridors: tuple[CorridorShape, ...] = ("straight", "L", "U", "T", "loop")
 
 
 def pick_colour(colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0) -> Colour:

@@ -1,0 +1,1 @@
+"""Furniture: what stands in the rooms of a synthetic building, made of solids."""

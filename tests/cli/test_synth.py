@@ -1,0 +1,151 @@
+"""``mcpseg synth`` as people type it, and the way from nothing to scores."""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.cli import app
+from mcpseg_cli.formats.s3dis import read_area
+
+REPOSITORY = Path(__file__).parents[2]
+SMALL = ("--rooms", "3", "--spacing", "0.08", "--seed", "5", "-q")
+
+
+def invoke(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def area(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("b") / "Area_1"
+    result = invoke("synth", path, *SMALL, "--jobs", "1")
+    assert result.exit_code == 0, result.stderr
+    return path
+
+
+def texts_of(area: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(area)): path.read_bytes() for path in sorted(area.rglob("*.txt"))}
+
+
+def command(area: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "mcpseg_cli", "synth", str(area), *SMALL, *options]
+
+
+def test_the_area_has_the_layout_of_s3dis_and_is_read_back(area):
+    building, report = read_area(area, use_cache=False)
+    record = json.loads((area / "synth.json").read_text())
+    assert list(building.rooms) == sorted(record["rooms"], key=lambda name: name)
+    assert {path.parent.name for path in area.rglob("*.txt")} == {"Annotations"}
+    assert len(building) == sum(sum(room["points"].values()) for room in record["rooms"].values())
+    assert (report.mended, report.dropped, report.other_classes) == ((), (), ())
+
+
+def test_the_table_gives_points_and_objects_of_every_class_beside_the_shares_of_s3dis(tmp_path):
+    result = invoke("synth", tmp_path / "Area_1", *SMALL)
+    rows = {line.split()[0]: line.split() for line in result.stdout.splitlines()}
+    assert set(S3DIS_CLASSES) <= set(rows)
+    assert rows["wall"][4] == "26.4%"
+    assert int(rows["floor"][1]) == 3
+
+
+def test_json_is_one_document(tmp_path):
+    document = json.loads(invoke("synth", tmp_path / "Area_1", *SMALL, "--json").stdout)
+    assert document["rooms"] == 3
+    assert sum(document["points_by_class"].values()) == document["points"] > 1000
+
+
+def test_the_number_of_jobs_changes_nothing(area, tmp_path):
+    subprocess.run(command(tmp_path / "Area_1", "--jobs", "2"), check=True, capture_output=True)
+    assert texts_of(tmp_path / "Area_1") == texts_of(area)
+
+
+def test_another_seed_and_another_style_give_other_buildings(area, tmp_path):
+    invoke("synth", tmp_path / "seed/Area_1", *SMALL, "--seed", "6")
+    invoke("synth", tmp_path / "style/Area_1", *SMALL, "--style", "3")
+    assert texts_of(tmp_path / "seed/Area_1") != texts_of(area)
+    assert texts_of(tmp_path / "style/Area_1") != texts_of(area)
+
+
+def test_the_number_of_the_folder_decides_the_style(tmp_path):
+    invoke("synth", tmp_path / "Area_3", *SMALL)
+    invoke("synth", tmp_path / "office", *SMALL, "--style", "3")
+    assert texts_of(tmp_path / "Area_3") == texts_of(tmp_path / "office")
+
+
+def test_a_killed_command_continues_to_the_same_area(area, tmp_path):
+    process = subprocess.Popen(command(tmp_path / "Area_1", "--jobs", "1"), stdout=subprocess.DEVNULL)
+    while not list(tmp_path.glob("Area_1/*/Annotations")) and process.poll() is None:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert process.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.glob("Area_1/[a-z]*/"))) < 3
+    result = invoke("synth", tmp_path / "Area_1", *SMALL)
+    assert result.exit_code == 0
+    assert texts_of(tmp_path / "Area_1") == texts_of(area)
+
+
+def test_running_again_makes_nothing_new_and_prints_the_same(area):
+    before = {path: path.stat().st_mtime_ns for path in area.rglob("*.txt")}
+    again = json.loads(invoke("synth", area, *SMALL, "--json").stdout)
+    assert {path: path.stat().st_mtime_ns for path in area.rglob("*.txt")} == before
+    assert again["points"] == sum(len(text.splitlines()) for text in texts_of(area).values())
+
+
+def test_another_seed_in_the_same_folder_is_refused_and_overwrite_replaces(tmp_path):
+    invoke("synth", tmp_path / "Area_1", *SMALL)
+    before = texts_of(tmp_path / "Area_1")
+    result = invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6")
+    assert result.exit_code == 1
+    assert "made with another seed" in result.stderr
+    assert texts_of(tmp_path / "Area_1") == before
+    assert invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6", "--overwrite").exit_code == 0
+    assert texts_of(tmp_path / "Area_1") != before
+
+
+def test_a_folder_with_other_things_is_never_written_to(tmp_path):
+    (tmp_path / "Area_1/office_1").mkdir(parents=True)
+    for options in ((), ("--overwrite",)):
+        result = invoke("synth", tmp_path / "Area_1", *SMALL, *options)
+        assert result.exit_code == 1
+        assert "not empty and not made by mcpseg synth" in result.stderr
+    assert [path.name for path in (tmp_path / "Area_1").iterdir()] == ["office_1"]
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
+    def limit_file_size() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
+
+    full = subprocess.run(
+        command(tmp_path / "Area_1", "--jobs", "1"), preexec_fn=limit_file_size, capture_output=True, text=True
+    )
+    assert full.returncode == 1
+    assert len(full.stderr.splitlines()) == 1
+    assert "expected room on the disk" in full.stderr
+    made = texts_of(tmp_path / "Area_1")
+    assert made.items() <= texts_of(area).items()
+
+
+def test_from_nothing_to_scores(area, tmp_path, weights_path):
+    coarse = ("--step", "1.5", "--h-res", "3", "--v-res", "3", "-q")
+    assert invoke("raytrace", area, "-o", tmp_path / "r", *coarse).exit_code == 0
+    scans = invoke("segment", tmp_path / "r/scans", tmp_path / "r/poses.csv", "-o", tmp_path / "o", "-w", weights_path)
+    assert scans.exit_code == 0
+    scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
+    assert scores["covered"] == scores["points"] > 500
+
+
+def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):
+    room = next(path.name for path in area.iterdir() if path.is_dir())
+    script = [sys.executable, REPOSITORY / "examples/render_building.py", area, "--rooms", room, "--above"]
+    subprocess.run([*script, "-o", tmp_path], check=True, capture_output=True)
+    for name in (room, "above"):
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
