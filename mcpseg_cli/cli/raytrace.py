@@ -33,7 +33,7 @@ def raytrace(
     areas: Annotated[
         list[Path],
         typer.Argument(
-            metavar="AREA...", help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ)."
+            metavar="AREA", help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ)."
         ),
     ],
     output: Annotated[
