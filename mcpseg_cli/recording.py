@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
 from mcpseg_cli.grid import MAX_VOXEL
+from mcpseg_cli.natural_order import natural_key
 from mcpseg_cli.scan import Scan, to_map_frame
 
 MAX_COORDINATE = 65536.0
@@ -44,7 +44,7 @@ def list_clouds(directory: Path) -> list[Path]:
     paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
     if not paths:
         raise InputError(directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path")
-    paths.sort(key=_natural_order)
+    paths.sort(key=lambda path: natural_key(path.name))
     seen: dict[str, Path] = {}
     for path in paths:
         if any("\ud800" <= letter <= "\udfff" for letter in path.name):
@@ -142,9 +142,3 @@ def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, 
             "subtract a common offset from scans and poses, or convert millimetres to metres",
         )
     return Scan(xyz_map, cloud.rgb, source.pose, source.path.name), cloud
-
-
-def _natural_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    """Order digit runs by value and the rest by letters; the name itself breaks ties."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts if part], path.name

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.natural_order import natural_key
 from mcpseg_cli.synthetic import STYLES, make_area, make_building, style_of
-from mcpseg_cli.synthetic.area import MIN_POINTS, natural_key
+from mcpseg_cli.synthetic.area import MIN_POINTS
 from mcpseg_cli.synthetic.layout import plan_area
 from mcpseg_cli.synthetic.photo import take_from_panorama
 from mcpseg_cli.synthetic.scanner import scan_room

@@ -70,18 +70,21 @@ def synth(
         document |= {"objects_by_class": objects, "seconds": round(perf_counter() - started, 2)}
         typer.echo(json.dumps(document))
         return
+    _print_summary(total, points, objects)
+    print_table([("time", f"{perf_counter() - started:,.1f} s"), ("output", str(area))])
+
+
+def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) -> None:
+    """Print points and objects by class, and the shares of points beside those of S3DIS."""
+    from mcpseg_cli.cli.display import print_table
+
     every, known = max(sum(points.values()), 1), sum(_S3DIS_POINTS.values())
     typer.echo(f"{'class':<10} {'objects':>8} {'points':>11} {'share':>7} {'S3DIS':>7}")
     for name in points:
         shares = f"{points[name] / every:7.1%} {_S3DIS_POINTS[name] / known:7.1%}"
         typer.echo(f"{name:<10} {objects[name]:>8,} {points[name]:>11,} {shares}")
-    print_table([
-        ("rooms", f"{total:,}"),
-        ("points", f"{sum(points.values()):,}"),
-        ("objects", f"{sum(objects.values()):,}"),
-        ("time", f"{perf_counter() - started:,.1f} s"),
-        ("output", str(area)),
-    ])  # fmt: skip
+    counts = [("rooms", rooms), ("points", sum(points.values())), ("objects", sum(objects.values()))]
+    print_table((name, f"{count:,}") for name, count in counts)
 
 
 def _number_of(area: Path) -> int:

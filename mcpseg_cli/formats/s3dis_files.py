@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.s3dis_text import BadLine, Lines, read_lines
+from mcpseg_cli.natural_order import natural_key
 
 ANNOTATIONS = "Annotations"
 _LAYOUT = "an S3DIS area: Area_1/office_1/Annotations/chair_1.txt"
@@ -99,13 +99,8 @@ def list_area(path: Path) -> tuple[Path, list[ObjectFile], tuple[str, ...]]:
 
 
 def _natural(paths: Iterable[Path]) -> list[Path]:
-    """Sort by name, numbers in it by value."""
-    return sorted(paths, key=lambda path: ([_part(text) for text in re.split(r"(\d+)", path.stem)], path.name))
-
-
-def _part(text: str) -> tuple[int, str]:
-    """Return what a part of a name is sorted by; parts at even places are text, at odd ones numbers."""
-    return (int(text), "") if text.isdecimal() else (0, text)
+    """Sort by name without ending, numbers in it by value."""
+    return sorted(paths, key=lambda path: (natural_key(path.stem), path.name))
 
 
 def read_files(

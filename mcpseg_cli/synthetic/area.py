@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import re
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.natural_order import natural_key
 from mcpseg_cli.synthetic.catalogue import style_of
 from mcpseg_cli.synthetic.furnish import furnish_room
 from mcpseg_cli.synthetic.layout import plan_area
@@ -43,11 +43,6 @@ class RoomCloud:
     classes: tuple[str, ...]
     xyz: tuple[NDArray[np.float32], ...]
     rgb: tuple[NDArray[np.uint8], ...]
-
-
-def natural_key(name: str) -> tuple[str | int, ...]:
-    """Return what to sort names by so that ``office_2`` comes before ``office_10``."""
-    return tuple(int(piece) if piece.isdigit() else piece for piece in re.split(r"(\d+)", name))
 
 
 def plan_building(number: int | Style, seed: int, num_rooms: int) -> tuple[Style, list[Room], list[list[int]]]:
