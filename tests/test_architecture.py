@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
-    {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order"},
+    {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
     {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
     {"context", "networks"},
     {"state", "objects", "weights", "tensor_bundle", "evaluation"},

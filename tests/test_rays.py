@@ -149,7 +149,7 @@ def test_which_point_stands_for_a_voxel_is_drawn_evenly_by_the_seed():
 
 def test_a_building_too_large_for_its_voxels_is_refused():
     xyz = np.array([[0, 0, 0], [4000, 4000, 400]], np.float32)
-    with pytest.raises(InputError, match="remove stray points or give larger voxels"):
+    with pytest.raises(InputError, match="remove stray points, give larger voxels"):
         build_grid(xyz, 0.01)
 
 

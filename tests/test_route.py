@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.raytrace.coverage import choose_waypoints, room_of_cells, unreachable_rooms
+from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares, room_of_cells
 from mcpseg_cli.raytrace.floor_plan import build_floor_plan
 from mcpseg_cli.raytrace.occupancy import build_grid
 from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
@@ -249,9 +249,9 @@ def test_a_region_without_cells_has_no_waypoints():
 def test_rooms_the_robot_does_not_get_into_are_named():
     building = building_of(three_rooms(), ("office_1", "office_2", "WC_1"), [4.0, 8.0])
     plan = build_floor_plan(building.xyz)
-    assert unreachable_rooms(building, plan, np.array([1], np.int32)) == ["WC_1"]
-    assert unreachable_rooms(building, plan, np.array([1, 2], np.int32)) == []
-    assert unreachable_rooms(building, plan, np.array([0], np.int32)) == ["office_1", "office_2", "WC_1"]
+    assert reached_shares(building, plan, np.array([1], np.int32)) == {"office_1": 1.0, "office_2": 1.0, "WC_1": 0.0}
+    assert set(reached_shares(building, plan, np.array([1, 2], np.int32)).values()) == {1.0}
+    assert set(reached_shares(building, plan, np.array([0], np.int32)).values()) == {0.0}
 
 
 def test_a_cell_belongs_to_the_room_with_most_floor_points_in_it():

@@ -348,8 +348,27 @@ def test_without_cache_nothing_is_written(area):
 
 def test_the_cache_lies_in_the_folder_given(area, tmp_path):
     read_area(area, tmp_path / "new" / "cache")
-    assert [path.name for path in (tmp_path / "new" / "cache").iterdir()] == ["Area_1.mcpseg.h5"]
+    (cache,) = (tmp_path / "new" / "cache").iterdir()
+    assert cache.name.startswith(f"{area.name}-")
     assert not (area / ".mcpseg.h5").exists()
+
+
+def test_two_areas_of_one_name_do_not_share_a_cache(area, tmp_path):
+    other = tmp_path / "other" / area.name
+    shutil.copytree(area, other)
+    for folder in (area, other):
+        read_area(folder, tmp_path / "cache")
+    assert all(read_area(folder, tmp_path / "cache")[1].from_cache for folder in (area, other))
+
+
+def test_a_change_that_leaves_size_and_time_alone_is_noticed(area):
+    path = area / "a_1/Annotations/wall_1.txt"
+    read_area(area)
+    before = path.stat()
+    path.write_bytes(path.read_bytes().replace(b"1", b"2"))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_size == before.st_size
+    assert not read_area(area)[1].from_cache
 
 
 def touch(path: Path) -> None:

@@ -70,7 +70,7 @@ def test_processes_make_the_same_points():
 
 
 def test_half_the_spacing_gives_four_times_the_points():
-    coarse, fine = (len(make_building(STYLES[4], 1, num_rooms=2, spacing=spacing)) for spacing in (0.12, 0.06))
+    coarse, fine = (len(make_building(1, 1, num_rooms=2, spacing=spacing, style=STYLES[4])) for spacing in (0.12, 0.06))
     assert 3.3 < fine / coarse < 4.7
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from time import perf_counter
@@ -25,6 +26,7 @@ class ScannerChoice(StrEnum):
     AUTHORS = "authors"
 
 
+_FEW_POINTS = 4.0  # a voxel; with fewer, a surface has voxels without any
 _Metres = float | None
 _Degrees = float | None
 
@@ -103,22 +105,28 @@ def raytrace(
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")
     task = _Task(settings, f".{format.value}", number_of_jobs(jobs), cache, overwrite, quiet, as_json)
-    documents = [task.trace(area, folder, waypoints, plot) for area, folder in zip(areas, folders, strict=True)]
+    documents = []
+    for area, folder in zip(areas, folders, strict=True):
+        documents.append(task.trace(area, folder, waypoints, plot))
+        if not as_json:
+            print_table(_rows(documents[-1]))
     if as_json:
         typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
-        return
-    for document in documents:
-        print_table(_rows(document))
 
 
 def _folders(areas: list[Path], output: Path | None) -> list[Path]:
     """Choose the folder of each area's scans."""
-    names = [area.resolve().name if area.is_dir() else area.stem for area in areas]
+    names = [_name_of(area) if area.is_dir() else area.stem for area in areas]
     if len(set(names)) < len(names):
         raise typer.BadParameter("two areas have the same name; trace them one at a time, each with its own -o")
     if output is None:
         return [Path("data") / name for name in names]
     return [output] if len(areas) == 1 else [output / name for name in names]
+
+
+def _name_of(area: Path) -> str:
+    """Return what an area is called, also one given as ``.``."""
+    return Path(os.path.abspath(area)).name  # noqa: PTH100
 
 
 def _settings(values: dict[str, float]) -> RaytraceSettings:
@@ -131,8 +139,9 @@ def _settings(values: dict[str, float]) -> RaytraceSettings:
         return RaytraceSettings.model_validate(values)
     except ValidationError as error:
         problem = error.errors()[0]
-        name = _OPTIONS.get(str(problem["loc"][0]), str(problem["loc"][0])) if problem["loc"] else "--v-min"
-        raise typer.BadParameter(f"{name}: {problem['msg']}") from error
+        if not problem["loc"]:
+            raise typer.BadParameter("--v-min must be below --v-max") from error
+        raise typer.BadParameter(f"{_OPTIONS[str(problem['loc'][0])]}: {problem['msg']}") from error
 
 
 _OPTIONS = {
@@ -160,24 +169,35 @@ class _Task:
 
     def trace(self, area: Path, folder: Path, given: Path | None, plot: Path | None) -> dict[str, object]:
         """Trace one area; return what there is to say about it."""
+        from mcpseg_cli.lock import exclusive
         from mcpseg_cli.raytrace.drive import find_waypoints
+        from mcpseg_cli.raytrace.plot import plot_route
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 
         started = perf_counter()
         waypoints = find_waypoints(area, given)
         building = self._read(area)
-        request = RaytraceRequest(area.resolve().name, self.settings, self.suffix, waypoints.identity)
-        run = RaytraceRun(folder, building, request, overwrite=self.overwrite)
-        if run.poses is None or plot is not None:
-            drive = self._plan(run, waypoints)
-            if run.poses is None:
-                run.start(drive.route.poses, drive.record())
-            if plot is not None:
-                from mcpseg_cli.raytrace.plot import plot_route
-
-                plot_route(plot, drive.plan, drive.route, building)
-        self._scan(run)
+        request = RaytraceRequest(_name_of(area), self.settings, self.suffix, waypoints.identity)
+        with exclusive(folder):
+            run = RaytraceRun(folder, building, request, overwrite=self.overwrite)
+            self._warn_of_gaps(run)
+            if run.poses is None or plot is not None:
+                drive = self._plan(run, waypoints)
+                if plot is not None:
+                    plot_route(plot, drive.plan, drive.route, building)
+                if run.poses is None:
+                    run.start(drive.route.poses, drive.record())
+            self._scan(run)
         return _document(run, building, perf_counter() - started)
+
+    def _warn_of_gaps(self, run: RaytraceRun) -> None:
+        """Say when the points are so far apart that rays slip through surfaces."""
+        from mcpseg_cli.cli.display import notice
+
+        share = len(run.scanner.building) / len(run.scanner.grid)
+        if share < _FEW_POINTS:
+            advice = f"rays may pass through walls; give a --voxel-size above {self.settings.voxel_size:g}"
+            notice(f"mcpseg: only {share:.1f} points a voxel: {advice}", quiet=self.quiet)
 
     def _read(self, area: Path) -> Building:
         """Read the building under a progress bar; say what was noticed."""
@@ -209,6 +229,9 @@ class _Task:
             drive = plan_drive(run.scanner, waypoints, threads=self.jobs, progress=progress)
         if drive.unreachable:
             notice(f"mcpseg: cannot be reached: {', '.join(drive.unreachable)}", quiet=self.quiet)
+        if drive.hardly_reached:
+            rooms = ", ".join(f"{room} ({share:.0%})" for room, share in drive.hardly_reached.items())
+            notice(f"mcpseg: less than half of the free floor can be reached in: {rooms}", quiet=self.quiet)
         if len(drive.route.skipped):
             places = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in drive.route.skipped.tolist())
             notice(f"mcpseg: waypoints not on free floor, skipped: {places}", quiet=self.quiet)
@@ -232,12 +255,14 @@ def _document(run: RaytraceRun, building: Building, seconds: float) -> dict[str,
     """Say what a finished run made."""
     import resource
 
+    import numpy as np
+
     assert run.record is not None
     keys = ("source", "scans", "points", "voxels", "voxels_seen", "objects_seen", "route")
     return {
         **{key: run.record[key] for key in keys},
         "building_points": len(building),
-        "objects": len(building.object_names) or int(building.instance.max()),
+        "objects": len(building.object_names) or int(np.count_nonzero(np.unique(building.instance) > 0)),
         "output": str(run.folder),
         "seconds": round(seconds, 2),
         "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),

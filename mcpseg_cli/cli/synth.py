@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from time import perf_counter
@@ -25,10 +26,11 @@ def synth(
     ],
     rooms: Annotated[int, typer.Option(min=2, max=500, help="Rooms, corridors among them.")] = 16,
     spacing: Annotated[
-        float, typer.Option(min=0.008, max=0.2, metavar="METRES", help="Mean distance of points.")
+        float, typer.Option(min=0.008, max=0.2, metavar="METRES", help="One point in each square of this edge.")
     ] = 0.03,
     style: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Number of the style.  [default: that of the area]")
+        int | None,
+        typer.Option(min=1, metavar="N", help="The style of Area_N; default: of this area."),
     ] = None,
     jobs: Jobs = None,
     seed: Seed = 0,
@@ -51,14 +53,16 @@ def synth(
     import json
 
     from mcpseg_cli.cli.display import print_table, progress_bar
+    from mcpseg_cli.lock import exclusive
     from mcpseg_cli.synthetic.writing import SynthRequest, write_area
 
     started = perf_counter()
-    request = SynthRequest(style or _number_of(area), seed, rooms, spacing)
-    total, written = write_area(area, request, number_of_jobs(jobs), overwrite=overwrite)
+    number = _number_of(area)
+    request = SynthRequest(number=number, seed=seed, num_rooms=rooms, spacing=spacing, style=style or number)
     points = dict.fromkeys(_S3DIS_POINTS, 0)
     objects = dict.fromkeys(_S3DIS_POINTS, 0)
-    with progress_bar("build", quiet=quiet or as_json) as bar:
+    with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
+        total, written = write_area(area, request, number_of_jobs(jobs), overwrite=overwrite)
         task = bar.add_task("", total=total, state="")
         for room in written:
             for name in room.points:
@@ -89,5 +93,5 @@ def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) 
 
 def _number_of(area: Path) -> int:
     """Return the number at the end of a folder's name, 1 where there is none."""
-    found = re.search(r"(\d+)$", area.resolve().name)
+    found = re.search(r"(\d+)$", os.path.abspath(area))  # noqa: PTH100
     return max(1, int(found.group(1))) if found else 1

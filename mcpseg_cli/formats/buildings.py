@@ -66,6 +66,8 @@ def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
     """Take a labelled cloud for a building without rooms."""
     notices = []
     classes = cloud.classes or S3DIS_CLASSES
+    if len(classes) > UNKNOWN:
+        raise InputError(path, f"{len(classes)} classes", f"at most {UNKNOWN}", "merge classes")
     semantic = _integers(path, cloud, "semantic")
     if semantic is None:
         remedy = "label it, or name a file that is labelled"
@@ -78,13 +80,13 @@ def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
         raise InputError(path, f"class {semantic[point]} (point {point:,})", expected, "give it its class table")
     instance = _integers(path, cloud, "instance")
     if instance is None:
-        notices.append(f"{path}: no attribute instance; every point has object 0 (none)")
+        notices.append("no attribute instance; every point has object 0 (none)")
         instance = np.zeros(len(cloud), np.int64)
     elif instance.max() > np.iinfo(np.int32).max:
         raise InputError(path, f"object {instance.max()}", f"at most {np.iinfo(np.int32).max}", "number objects from 1")
     rgb = cloud.rgb
     if rgb is None:
-        notices.append(f"{path}: no colour; every point is grey")
+        notices.append("no colour; every point is grey")
         rgb = np.full((len(cloud), 3), _GREY, np.uint8)
     xyz = cloud.xyz
     _check_extent(path, xyz)
@@ -119,5 +121,5 @@ def _check_extent(path: Path, xyz: NDArray[np.floating]) -> None:
             path,
             f"coordinates up to {farthest:,.0f} m",
             f"a map frame within {_FARTHEST:,.0f} m of its origin",
-            "subtract an offset from all points",
+            "subtract an offset from all points, and check for stray ones",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import io
 import json
 import os
@@ -41,6 +42,9 @@ def write_building_h5(path: Path, building: Building, tags: dict[str, str] | Non
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    for leftover in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        if not _is_running(leftover.suffixes[-2][1:]):
+            leftover.unlink(missing_ok=True)
     try:
         with naming(path), partial.open("w+b") as raw:
             file = _SteadyFile(raw)
@@ -94,6 +98,11 @@ def read_tags(path: Path) -> dict[str, str]:
     if not isinstance(tags, dict) or not all(isinstance(text, str) for text in tags.values()):
         raise InputError(path, "tags that are no texts", "text by name", _REMEDY)
     return tags
+
+
+def _is_running(pid: str) -> bool:
+    """Tell whether a process that left a file behind may still be writing it."""
+    return pid.isdecimal() and Path(f"/proc/{pid}").exists()
 
 
 class _SteadyFile(io.RawIOBase):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterable
@@ -97,7 +98,7 @@ def read_area(
         OSError: A file cannot be read.
     """
     folder, files, skipped = list_area(path)
-    cached = (folder / ".mcpseg.h5" if cache is None else cache / f"{folder.name}.mcpseg.h5") if use_cache else None
+    cached = _cache_of(folder, cache) if use_cache else None
     fingerprint = _fingerprint(folder, files)
     notice = ""
     if cached is not None:
@@ -219,8 +220,16 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
 
 def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
     """Hash what tells one state of the object files from another."""
-    lines = [f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}" for file in files]
+    lines = [f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}\0{file.ctime_ns}" for file in files]
     return hashlib.sha256("\n".join([_CACHE_VERSION, *lines]).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _cache_of(folder: Path, cache: Path | None) -> Path:
+    """Return where an area's cache lies; in a folder of caches, areas of one name are told apart by their paths."""
+    if cache is None:
+        return folder / ".mcpseg.h5"
+    path = hashlib.sha256(os.fsencode(os.path.abspath(folder))).hexdigest()[:8]  # noqa: PTH100
+    return cache / f"{folder.name}-{path}.mcpseg.h5"
 
 
 def _from_cache(path: Path, fingerprint: str) -> tuple[tuple[Building, AreaReport] | None, str]:

@@ -32,13 +32,15 @@ class ObjectFile:
         room: Name of its room.
         path: Where it is.
         size: Bytes.
-        mtime_ns: When it was last changed.
+        mtime_ns: When its content was last changed, as the file says.
+        ctime_ns: When anything about it was last changed, as the file system knows.
     """
 
     room: str
     path: Path
     size: int
     mtime_ns: int
+    ctime_ns: int
 
     def name_in(self, folder: Path) -> str:
         """Return its path from the area's folder on."""
@@ -90,7 +92,9 @@ def list_area(path: Path) -> tuple[Path, list[ObjectFile], tuple[str, ...]]:
         if room.name not in skipped:
             found = (entry for entry in (room / ANNOTATIONS).iterdir() if entry.suffix.lower() == ".txt")
             names = _natural(entry for entry in found if not entry.name.startswith(".") and entry.is_file())
-            files += [ObjectFile(room.name, name, name.stat().st_size, name.stat().st_mtime_ns) for name in names]
+            for name in names:
+                status = name.stat()
+                files.append(ObjectFile(room.name, name, status.st_size, status.st_mtime_ns, status.st_ctime_ns))
     if not files:
         inner = [room.name for room in rooms if any(room.glob(f"*/{ANNOTATIONS}"))]
         remedy = f"name one area, such as {folder / inner[0]}" if inner else "check the path"

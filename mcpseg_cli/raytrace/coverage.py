@@ -113,8 +113,8 @@ def room_of_cells(building: Building, plan: FloorPlan) -> NDArray[np.int32]:
     return _count_floor(building.xyz, starts, plan.cell_size, plan.low, plan.floor + np.float32(_THICKNESS))
 
 
-def unreachable_rooms(building: Building, plan: FloorPlan, regions: NDArray[np.int32]) -> list[str]:
-    """Name the rooms that have no free floor in the regions a robot drives in.
+def reached_shares(building: Building, plan: FloorPlan, regions: NDArray[np.int32]) -> dict[str, float]:
+    """Measure how much of each room's free floor a robot gets to.
 
     Args:
         building: The building the plan was made from.
@@ -122,10 +122,14 @@ def unreachable_rooms(building: Building, plan: FloorPlan, regions: NDArray[np.i
         regions: (G,) int32 numbers of regions of the plan, such as those of a route.
 
     Returns:
-        The names, in the order of the building; none when its rooms are not known.
+        The share by room, 0-1, in the order of the building; 0 for a room without free floor; empty when the rooms are
+        not known.
     """
-    reached = np.unique(room_of_cells(building, plan)[np.isin(plan.region, regions[regions > 0])])
-    return [name for number, name in enumerate(building.rooms) if number not in reached]
+    room = room_of_cells(building, plan)
+    free = np.bincount(room[plan.free & (room >= 0)], minlength=len(building.rooms))
+    driven = np.isin(plan.region, regions[regions > 0]) & (room >= 0)
+    reached = np.bincount(room[driven], minlength=len(building.rooms)) / np.maximum(free, 1)
+    return dict(zip(building.rooms, reached.tolist(), strict=True))
 
 
 @njit(cache=True)

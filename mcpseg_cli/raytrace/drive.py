@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.raytrace.coverage import choose_waypoints, unreachable_rooms
+from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares
 from mcpseg_cli.raytrace.floor_plan import FloorPlan, build_floor_plan
+from mcpseg_cli.raytrace.rays import cast_rays
 from mcpseg_cli.raytrace.route import Route, plan_route, read_waypoints
 from mcpseg_cli.raytrace.scanner import VirtualScanner
 
+_HARDLY = 0.5  # of a room's free floor
 SCAN_SPOTS = "scan_spots.txt"
 """The file of waypoints that the authors' program expects in an area's folder."""
 
@@ -42,12 +44,27 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class Drive:
-    """A planned drive: the floor plan, the route, the waypoints' source, and rooms the robot does not get into."""
+    """A planned drive.
+
+    Attributes:
+        plan: Where the robot can stand.
+        route: Where it drives and scans.
+        reached: Share of its free floor that the robot gets to, by room, in the order of the building.
+    """
 
     plan: FloorPlan
     route: Route
-    waypoints: str
-    unreachable: tuple[str, ...]
+    reached: dict[str, float]
+
+    @property
+    def unreachable(self) -> list[str]:
+        """Rooms the robot does not get into."""
+        return [room for room, share in self.reached.items() if share == 0.0]
+
+    @property
+    def hardly_reached(self) -> dict[str, float]:
+        """Rooms of whose free floor the robot gets to less than half, with the share."""
+        return {room: share for room, share in self.reached.items() if 0.0 < share < _HARDLY}
 
     def record(self) -> dict[str, object]:
         """Return what raytrace.json says about the route."""
@@ -56,7 +73,8 @@ class Drive:
             "waypoints_skipped": self.route.skipped.tolist(),
             "length_m": round(self.route.length, 3),
             "free_area_m2": round(float(self.plan.free.sum()) * self.plan.cell_size**2, 2),
-            "unreachable_rooms": list(self.unreachable),
+            "unreachable_rooms": self.unreachable,
+            "hardly_reached_rooms": {room: round(share, 3) for room, share in self.hardly_reached.items()},
         }
 
 
@@ -101,7 +119,27 @@ def plan_drive(
         places = choose_waypoints(
             scanner.grid, plan, scanner.pattern, settings.height, num_threads=threads, progress=progress
         )
+        if len(places) == 0:
+            remedy = "another --range, --height, --voxel-size or elevation"
+            raise InputError(source, "nothing can be seen from its floor", "surfaces within reach of the rays", remedy)
     route = plan_route(plan, places, settings.step, settings.height)
     if len(route) == 0:
         raise InputError(source, "no waypoint on free floor", "at least one", "give others, or none for automatic ones")
-    return Drive(plan, route, waypoints.identity, tuple(unreachable_rooms(building, plan, route.regions)))
+    _check_height(scanner, plan, route)
+    reached = reached_shares(building, plan, route.regions)
+    return Drive(plan, route, reached)
+
+
+def _check_height(scanner: VirtualScanner, plan: FloorPlan, route: Route) -> None:
+    """Refuse a scanner that is not between floor and ceiling, but over the ceiling, at most places."""
+    down = np.array([[0.0, 0.0, -1.0]])
+    below = [cast_rays(scanner.grid, place, down, scanner.settings.height + 1.0)[0] for place in route.positions]
+    points = scanner.grid.points[np.array(below)]
+    height = scanner.building.xyz[points, 2] - plan.floor_at(route.positions[:, :2])
+    if np.count_nonzero((np.array(below) >= 0) & (height > 1.4)) > len(route) / 2:
+        raise InputError(
+            f"--height {scanner.settings.height:g}",
+            "most places have something between floor and scanner",
+            "a scanner below the ceiling",
+            "give a lower one",
+        )

@@ -45,7 +45,8 @@ class FloorPlan:
 
     def cell_of(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the (N, 2) int64 cells, counted from the plan's corner, of places (N, 2); they may lie outside."""
-        return np.floor(xy / self.cell_size + 0.5).astype(np.int64) - self.low
+        far = 1e9 * self.cell_size  # no plan is that large, and int64 holds it
+        return np.floor(np.clip(xy, -far, far) / self.cell_size + 0.5).astype(np.int64) - self.low
 
     def centre_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the (N, 2) float64 centres, metres, map frame, of cells (N, 2) counted from the plan's corner."""

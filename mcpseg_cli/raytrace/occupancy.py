@@ -75,7 +75,7 @@ def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> Oc
             "the building",
             f"{extent} m in voxels of {voxel_size:g} m",
             f"at most {MAX_BLOCKS * 64:,} voxels",
-            "remove stray points or give larger voxels",
+            "remove stray points, give larger voxels, or check that lengths are in metres",
         )
     masks = np.zeros(tuple(shape), np.uint64)
     for start in range(0, len(xyz), _CHUNK):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from mcpseg_cli.raytrace.route import Route
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_MOST_NUMBERS = 60  # waypoints; more would hide each other's numbers
 _UNKNOWN, _OCCUPIED, _CUT_OFF, _FREE = "#3b4048", "#b9bec6", "#e3dccb", "#ffffff"
 
 
@@ -52,7 +54,8 @@ def plot_route(path: Path, plan: FloorPlan, route: Route, building: Building | N
     axes.set(xlim=corners[:, 0], ylim=corners[:, 1], xlabel="x (m)", ylabel="y (m)", aspect="equal")
     stops = f"{len(route.waypoints)} waypoint{'s' * (len(route.waypoints) != 1)}"
     axes.set_title(f"{route.length:,.0f} m, {len(route):,} scans, {stops}", fontsize=11)
-    with naming(path), path.open("wb") as file:
+    with naming(path), path.open("wb") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of letters that the font lacks
         figure.savefig(file, format="png", dpi=150, bbox_inches="tight", pad_inches=0.1)
 
 
@@ -88,10 +91,12 @@ def _draw_route(axes: Axes, route: Route, scale: float) -> None:
         axes.figure.colorbar(way, ax=axes, label="metres driven", shrink=0.6, aspect=30, pad=0.01)
     axes.scatter(route.positions[:, 0], route.positions[:, 1], s=4.0, c="#111827", linewidths=0, zorder=3)
     dot, font = (70.0, 6.0) if scale > 0.3 else (36.0, 4.5)
+    dot = dot if len(route.waypoints) <= _MOST_NUMBERS else 9.0
     axes.scatter(
         route.waypoints[:, 0], route.waypoints[:, 1], s=dot, c="white", edgecolors="#c2410c", linewidths=0.8, zorder=4
     )
-    for number, place in enumerate(route.waypoints, 1):
+    numbered = route.waypoints if len(route.waypoints) <= _MOST_NUMBERS else ()
+    for number, place in enumerate(numbered, 1):
         axes.annotate(str(number), tuple(place), ha="center", va="center", fontsize=font, color="#9a3412", zorder=5)
     axes.scatter(route.skipped[:, 0], route.skipped[:, 1], s=dot, c="#dc2626", marker="x", linewidths=1.2, zorder=5)
 
@@ -106,8 +111,8 @@ def _name_rooms(axes: Axes, plan: FloorPlan, building: Building, scale: float) -
         cells = np.argwhere(rooms == number)
         if len(cells):
             x, y = plan.centre_of(_middle(cells)[None])[0]
-            text = axes.text(x, y, name, ha="center", va="center", fontsize=9 if scale > 0.3 else 7, zorder=1.5)
-            text.set(color="#1e3a8a", weight="bold", alpha=0.9, path_effects=outline)
+            text = axes.text(x, y, name, ha="center", va="center", fontsize=9 if scale > 0.3 else 7, zorder=6)
+            text.set(parse_math=False, color="#1e3a8a", weight="bold", alpha=0.9, path_effects=outline)
 
 
 def _middle(cells: NDArray[np.int64]) -> NDArray[np.int64]:

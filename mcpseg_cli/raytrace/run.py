@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
 from mcpseg_cli.formats.whole import write_whole
-from mcpseg_cli.raytrace.scanner import POSE_COLUMNS, VirtualScanner, poses_table
+from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table
 
 _FORMAT = 1  # of the folder; another number is another run
 _IDENTITY = ("format", "building", "settings", "suffix", "waypoints")
@@ -44,21 +44,20 @@ class RaytraceRequest:
 
 @dataclass(frozen=True)
 class WrittenScan:
-    """One scan of a run: its name, its points, and whether it was there before."""
+    """One scan of a run: its name and its points."""
 
     name: str
     num_points: int
-    was_there: bool
 
 
 class RaytraceRun:
-    """The scans of one building in one folder.
+    """The scans of one building in one folder, which the caller holds against other processes (``lock.exclusive``).
 
     Args:
-        folder: Where ``scans/``, ``gt/``, ``poses.csv`` and ``raytrace.json`` go; made if missing.
+        folder: Where ``scans/``, ``gt/``, ``poses.csv`` and ``raytrace.json`` go.
         building: At least one point.
         request: What to do.
-        overwrite: Delete an earlier run first.
+        overwrite: Replace an earlier run; it is deleted when ``start`` is called, not before.
 
     Raises:
         InputError: The building is too large for the voxel size.
@@ -75,46 +74,47 @@ class RaytraceRun:
             "suffix": request.suffix,
             "waypoints": request.waypoints,
         }
-        if overwrite:
-            _clear(folder)
         self.record = _read_record(folder)
-        _check_folder(folder, self.record, self._identity)
+        _check_folder(folder, self.record, None if overwrite else self._identity)
+        self.poses = None if overwrite or self.record is None else _read_own_poses(folder, self.record)
         self.scanner = VirtualScanner(building, request.settings)
-        self.poses: PoseTable | None = None
-        if self.record is not None and (folder / "poses.csv").exists():
-            self.poses = read_poses(folder / "poses.csv")
         self._seen = np.zeros(len(self.scanner.grid), bool)
 
     @property
     def is_complete(self) -> bool:
         """True when an earlier call made every scan, and all are still there."""
-        if self.record is None or not self.record.get("complete") or self.poses is None or self.poses.scans is None:
+        if self.record is None or not self.record.get("complete") or self.poses is None:
             return False
-        return all(path.exists() for name in self.poses.scans for path in self._files(name))
+        return all(self._is_there(name) for name in self.poses.scans or ())
 
     def start(self, poses: NDArray[np.float64], route: dict[str, object]) -> None:
-        """Record where to scan from; needed once, unless the folder says it already.
+        """Record where to scan from; needed unless the folder says it already. Places that see nothing are left out.
 
         Args:
             poses: (S, 4, 4) float64, sensor to map, turned about z only.
             route: What to record about the route.
 
         Raises:
+            OutputError: Nothing is seen from anywhere.
             OSError: The folder cannot be written.
         """
+        sees = np.array([self.scanner.sees_anything(pose[:3, 3]) for pose in poses], bool)
+        if not sees.any():
+            raise OutputError(f"{self.folder}: nothing can be seen; expected another --range, --height or --v-min")
+        _clear(self.folder, self.record)
         for name in ("scans", "gt"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
+        text = poses_table(poses[sees])
         self.record = {"mcpseg": __version__, "source": self.request.source, **self._identity, "route": route}
-        self._write_record({"complete": False})
-        write_whole(self.folder / "poses.csv", poses_table(poses))
+        self._write_record({"blind_positions": int((~sees).sum()), "poses": _hash(text.encode()), "complete": False})
+        write_whole(self.folder / "poses.csv", text)
         self.poses = read_poses(self.folder / "poses.csv")
 
-    def run(self, jobs: int, should_stop: Callable[[], bool] = lambda: False) -> Iterator[WrittenScan]:
+    def run(self, jobs: int) -> Iterator[WrittenScan]:
         """Make the scans that are missing, several at once.
 
         Args:
             jobs: Threads.
-            should_stop: Asked before each scan; True ends the run early.
 
         Yields:
             Each scan once its files are complete, in order, also those that were there.
@@ -123,11 +123,10 @@ class RaytraceRun:
             OSError: The disk is full or the folder not writable; finished scans are kept.
         """
         assert self.poses is not None
-        assert self.poses.scans is not None
-        for leftover in [path for name in ("scans", "gt") for path in (self.folder / name).glob(f".*{PARTIAL}.*")]:
-            leftover.unlink(missing_ok=True)
-        names = self.poses.scans
-        empty: list[str] = []
+        for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
+            for leftover in folder.glob(f".*{PARTIAL}.*"):
+                leftover.unlink(missing_ok=True)
+        names = self.poses.scans or ()
         num_points = 0
         with ThreadPoolExecutor(jobs) as pool:
             for start in range(0, len(names), 8 * jobs):  # a few ahead, not the whole building
@@ -135,55 +134,44 @@ class RaytraceRun:
                 for scan, voxels in pool.map(self._make, names[few], self.poses.poses[few, :3, 3]):
                     self._seen[voxels] = True
                     num_points += scan.num_points
-                    if scan.num_points == 0:
-                        empty.append(scan.name)
                     yield scan
-                if should_stop():
-                    return
-        self._finish(num_points, empty)
+        self._finish(num_points)
 
     def _files(self, name: str) -> list[Path]:
         """Return the files of one scan in the order of writing: a scan is never without its truth."""
         return [self.folder / part / f"{name}{self.request.suffix}" for part in ("gt", "scans")]
 
+    def _is_there(self, name: str) -> bool:
+        """Tell whether a scan has been written; a power cut may leave files without content."""
+        return all(path.is_file() and path.stat().st_size > 0 for path in self._files(name))
+
     def _make(self, name: str, position: NDArray[np.float64]) -> tuple[WrittenScan, NDArray[np.int32]]:
         """Scan from one place and write what is not there yet."""
         scan = self.scanner.scan(int(name), position)
-        files = self._files(name)
-        was_there = all(path.exists() for path in files)
-        if len(scan.points) and not was_there:
-            cloud, truth = self.scanner.clouds(scan)
-            write_cloud(files[0], truth)
-            write_cloud(files[1], cloud)
-        return WrittenScan(name, len(scan.points), was_there), scan.voxels
+        if not self._is_there(name):
+            for path, cloud in zip(self._files(name), reversed(self.scanner.clouds(scan)), strict=True):
+                write_cloud(path, cloud)
+        return WrittenScan(name, len(scan.points)), scan.voxels
 
-    def _finish(self, num_points: int, empty: list[str]) -> None:
-        """Leave scans that saw nothing out of the poses, and record the run as complete."""
+    def _finish(self, num_points: int) -> None:
+        """Record the run as complete, with what was seen."""
         assert self.poses is not None
-        if empty:
-            lines = (self.folder / "poses.csv").read_text().splitlines()
-            kept = [line for line in lines[1:] if line.partition(",")[0] not in set(empty)]
-            if not kept:
-                raise OutputError(
-                    f"{self.folder}: no scan sees anything; expected a longer --range or another --height"
-                )
-            write_whole(self.folder / "poses.csv", "\n".join([POSE_COLUMNS, *kept]) + "\n")
         building, grid = self.scanner.building, self.scanner.grid
         seen = grid.points[self._seen]
         per_class = np.bincount(building.semantic[seen], minlength=256)
-        per_object = np.bincount(building.instance[seen], minlength=len(building.object_names) + 1)
+        ids, counts = np.unique(building.instance[seen], return_counts=True)
+        per_object = dict(zip(ids.tolist(), counts.tolist(), strict=True))
         self._write_record({
             "complete": True,
             "classes": list(building.classes),
-            "scans": len(self.poses) - len(empty),
-            "empty_scans": empty,
+            "scans": len(self.poses),
             "points": num_points,
             "voxels": len(grid),
             "voxels_seen": len(seen),
             "voxels_seen_by_class": {name: int(per_class[index]) for index, name in enumerate(building.classes)},
-            "objects_seen": int((per_object[1:] > 0).sum()),
+            "objects_seen": int((ids > 0).sum()),
             "objects": [
-                {"id": number, "name": name, "voxels_seen": int(per_object[number])}
+                {"id": number, "name": name, "voxels_seen": per_object.get(number, 0)}
                 for number, name in enumerate(building.object_names, start=1)
             ],
         })  # fmt: skip
@@ -197,10 +185,14 @@ class RaytraceRun:
 
 def building_hash(building: Building) -> str:
     """Return a hash of every point and label of a building."""
+    columns = (building.xyz, building.rgb, building.semantic, building.instance)
+    return _hash(*(np.ascontiguousarray(column).data for column in columns), ",".join(building.classes).encode())
+
+
+def _hash(*parts: bytes | memoryview) -> str:
     digest = hashlib.blake2b(digest_size=16)
-    for column in (building.xyz, building.rgb, building.semantic, building.instance):
-        digest.update(np.ascontiguousarray(column).data)
-    digest.update(",".join(building.classes).encode())
+    for part in parts:
+        digest.update(part)
     return digest.hexdigest()
 
 
@@ -210,16 +202,22 @@ def _read_record(folder: Path) -> dict[str, object] | None:
     if not path.is_file():
         return None
     try:
-        record = json.loads(path.read_text())
-    except ValueError:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
         record = None
-    if not isinstance(record, dict) or any(key not in record for key in _IDENTITY):
-        raise OutputError(f"{path}: not the record of a run; expected one; give --overwrite or choose another -o")
+    if not isinstance(record, dict) or any(key not in record for key in (*_IDENTITY, "route", "poses", "complete")):
+        raise OutputError(f"{path}: not the record of a run; expected one; choose another -o, or move it away")
     return record
 
 
-def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict[str, object]) -> None:
-    """Refuse a folder that holds another run, or clouds that no run made."""
+def _read_own_poses(folder: Path, record: dict[str, object]) -> PoseTable | None:
+    """Read poses.csv if it is what the run wrote; None asks for it to be planned anew."""
+    path = folder / "poses.csv"
+    return read_poses(path) if path.is_file() and _hash(path.read_bytes()) == record["poses"] else None
+
+
+def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict[str, object] | None) -> None:
+    """Refuse a folder that holds clouds that no run made, or another run unless there is nothing to compare it with."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file; expected a folder; choose another -o")
     if record is None:
@@ -231,8 +229,8 @@ def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict
                 "choose another -o, or move them away"
             )
         return
-    changed = [key for key in _IDENTITY if record[key] != identity[key]]
-    if changed:
+    changed = [key for key in _IDENTITY if identity is not None and record[key] != identity[key]]
+    if identity is not None and changed:
         raise OutputError(
             f"{folder}: holds scans made with another {', '.join(_differences(record, identity, changed))}; "
             "expected the same; choose another -o or give --overwrite"
@@ -251,12 +249,12 @@ def _differences(record: dict[str, object], identity: dict[str, object], changed
     return names
 
 
-def _clear(folder: Path) -> None:
-    """Delete the files of a run, and only those: nothing without a raytrace.json."""
-    if not (folder / "raytrace.json").is_file():
+def _clear(folder: Path, record: dict[str, object] | None) -> None:
+    """Delete the files of a run, and only those: nothing without its record."""
+    if record is None:
         return
     for path in [path for name in ("scans", "gt") for path in _clouds(folder / name)]:
-        if path.stem.isdigit():
+        if path.stem.isdigit() and path.suffix == record["suffix"]:
             path.unlink()
     for name in ("poses.csv", "raytrace.json"):
         (folder / name).unlink(missing_ok=True)

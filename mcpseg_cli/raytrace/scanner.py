@@ -11,7 +11,7 @@ from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.formats import Cloud
 from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
-from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
+from mcpseg_cli.raytrace.rays import ScanPattern, cast_rays, visible_voxels
 
 POSE_COLUMNS = "scan,x,y,z,qx,qy,qz,qw"
 
@@ -65,12 +65,21 @@ class VirtualScanner:
             points = self.grid.points[voxels]
             return VirtualScan(voxels, points, self.building.xyz[points])
         rng = np.random.default_rng((self.settings.seed, number))
-        voxels = voxels[rng.random(len(voxels)) >= self.settings.dropout]
+        kept = rng.random(len(voxels)) >= self.settings.dropout
+        kept[:1] |= not kept.any()  # a scan without a point is no scan
+        voxels = voxels[kept]
         points = self.grid.points[voxels]
         ray = self.building.xyz[points] - position
         distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-6)
         offset = ray / distance * rng.normal(0.0, self.settings.noise, (len(points), 1))
         return VirtualScan(voxels, points, (position + ray + offset).astype(np.float32))
+
+    def sees_anything(self, position: NDArray[np.float64]) -> bool:
+        """Tell whether a scan from a place, (3,) float64 metres, map frame, would have a point."""
+        few = self._directions[:: max(1, len(self._directions) // 4000)]
+        return any(
+            (cast_rays(self.grid, position, rays, self.settings.reach) >= 0).any() for rays in (few, self._directions)
+        )
 
     def clouds(self, scan: VirtualScan) -> tuple[Cloud, Cloud]:
         """Return a scan as two clouds of the same points: ``x y z red green blue``, and with the truth about them."""

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import repeat
+from itertools import repeat, starmap
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.errors import OutputError
 from mcpseg_cli.natural_order import natural_key
 from mcpseg_cli.synthetic.catalogue import style_of
 from mcpseg_cli.synthetic.furnish import furnish_room
@@ -21,6 +28,8 @@ from mcpseg_cli.synthetic.plan import Room
 from mcpseg_cli.synthetic.scanner import scan_room
 from mcpseg_cli.synthetic.shell import build_shell
 from mcpseg_cli.synthetic.styles import Style
+
+Result = TypeVar("Result")
 
 MIN_POINTS = 10
 """Objects with fewer points are left out."""
@@ -45,39 +54,98 @@ class RoomCloud:
     rgb: tuple[NDArray[np.uint8], ...]
 
 
-def plan_building(number: int | Style, seed: int, num_rooms: int) -> tuple[Style, list[Room], list[list[int]]]:
+def plan_building(
+    number: int, seed: int, num_rooms: int, style: int | Style | None = None
+) -> tuple[Style, list[Room], list[list[int]]]:
     """Plan an area: its style, its rooms in natural order, and what the random numbers of each start from.
 
     Each room can then be made by itself with ``make_room``, in any process. See ``make_area`` for the arguments.
     """
-    start = number if isinstance(number, int) else 0
-    rng = np.random.default_rng([seed, start])
-    style = style_of(number, rng) if isinstance(number, int) else number
-    rooms = sorted(plan_area(style, num_rooms, rng), key=lambda room: natural_key(room.name))
-    return style, rooms, [[seed, start, index + 1] for index in range(len(rooms))]
+    rng = np.random.default_rng([seed, number])
+    drawn = style_of(style if isinstance(style, int) else number, rng)
+    chosen = style if isinstance(style, Style) else drawn
+    rooms = sorted(plan_area(chosen, num_rooms, rng), key=lambda room: natural_key(room.name))
+    return chosen, rooms, [[seed, number, index + 1] for index in range(len(rooms))]
 
 
 def make_area(
-    number: int | Style, seed: int, *, num_rooms: int = 16, spacing: float = 0.03, jobs: int = 1
+    number: int,
+    seed: int,
+    *,
+    num_rooms: int = 16,
+    spacing: float = 0.03,
+    style: int | Style | None = None,
+    jobs: int = 1,
 ) -> Iterator[RoomCloud]:
     """Make one floor of an office building as a labelled point cloud, room by room.
 
     Args:
-        number: Area number from 1, which decides the style, or a style as it is.
+        number: Area number from 1; areas of one seed differ by it.
         seed: Same seed, same points, whatever ``jobs`` is.
         num_rooms: Rooms, corridors among them; at least 2.
-        spacing: Mean distance of points, metres; 0.01 at the least.
-        jobs: Processes to share the rooms among.
+        spacing: There is one point in each square of this edge, metres; 0.008 at the least.
+        style: Style, or number of one; that of the area's number by default.
+        jobs: Processes to share the rooms among; more than one need a main module that can be imported.
 
     Yields:
         The rooms in natural order of their names.
+
+    Raises:
+        InputError: No floor plan with so many rooms was found.
+        OutputError: A worker process was killed.
     """
-    style, rooms, seeds = plan_building(number, seed, num_rooms)
+    chosen, rooms, seeds = plan_building(number, seed, num_rooms, style)
+    yield from map_rooms(make_room, zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False), jobs)
+
+
+def map_rooms(function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int) -> Iterator[Result]:
+    """Call a function of the top level of a module for every task, in ``jobs`` processes; results come in order.
+
+    Raises:
+        OutputError: A worker process was killed.
+    """
     if jobs == 1:
-        yield from map(make_room, rooms, repeat(style), repeat(spacing), seeds)
+        yield from starmap(function, tasks)
         return
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(make_room, rooms, repeat(style), repeat(spacing), seeds)
+    context = multiprocessing.get_context("spawn")  # forking a process with threads may hang
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
+    try:
+        with _workers_ignore_interrupts():
+            futures = [pool.submit(function, *task) for task in tasks]
+        for future in futures:
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise OutputError(
+            "a worker process was killed, perhaps for its memory; expected it to finish its room; "
+            "run the same command again with fewer --jobs, finished rooms are kept"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _workers_ignore_interrupts() -> Iterator[None]:
+    """Let processes that are started here leave Ctrl-C to this one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end_with_parent() -> None:
+    """Let a worker process end when the command is killed, instead of writing on."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> RoomCloud:
@@ -110,10 +178,16 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
 
 
 def make_building(
-    number: int | Style, seed: int, *, num_rooms: int = 16, spacing: float = 0.03, jobs: int = 1
+    number: int,
+    seed: int,
+    *,
+    num_rooms: int = 16,
+    spacing: float = 0.03,
+    style: int | Style | None = None,
+    jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
-    rooms = list(make_area(number, seed, num_rooms=num_rooms, spacing=spacing, jobs=jobs))
+    rooms = list(make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs))
     sizes = [[len(points) for points in room.xyz] for room in rooms]
     flat = [size for room in sizes for size in room]
     labels = np.array([S3DIS_CLASSES.index(name) for room in rooms for name in room.classes], np.uint8)

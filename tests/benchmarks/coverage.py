@@ -18,7 +18,7 @@ import numpy as np
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.formats.buildings import read_building
-from mcpseg_cli.raytrace.coverage import choose_waypoints, unreachable_rooms
+from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares
 from mcpseg_cli.raytrace.floor_plan import build_floor_plan
 from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
 from mcpseg_cli.raytrace.plot import plot_route
@@ -69,7 +69,7 @@ def measure(building: Building, every: int = 1, threads: int = 2, picture: Path 
         "waypoints": len(route.waypoints),
         "length_m": round(route.length, 1),
         "scans": len(route),
-        "unreachable": unreachable_rooms(building, plan, route.regions),
+        "unreachable": [room for room, share in reached_shares(building, plan, route.regions).items() if not share],
         "seconds": seconds,
     }
 

@@ -16,6 +16,7 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.lock import exclusive
 
 COARSE = ("--h-res", "4", "--v-res", "4", "-q")
 LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 2.6])
@@ -145,7 +146,8 @@ def test_segment_and_eval_take_the_folder_as_it_is(room, tmp_path, weights_path)
 def test_without_o_scans_go_to_data_under_the_areas_name(room, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert invoke("raytrace", room, "--step", "2", *COARSE).exit_code == 0
-    assert {path.name for path in (tmp_path / "data/room").iterdir()} == {"scans", "gt", "poses.csv", "raytrace.json"}
+    names = {path.name for path in (tmp_path / "data/room").iterdir()}
+    assert names == {"scans", "gt", "poses.csv", "raytrace.json", ".mcpseg.lock"}
 
 
 def test_several_areas_get_a_folder_each(room, tmp_path):
@@ -283,10 +285,76 @@ def test_positions_that_see_nothing_get_neither_scan_nor_pose(room, tmp_path):
     before = files_of(tmp_path / "out")
     names = numbers_of(tmp_path / "out/scans")
     assert names == list(read_poses(tmp_path / "out/poses.csv").scans)
-    assert len(json.loads((tmp_path / "out/raytrace.json").read_text())["empty_scans"]) > 0
+    assert json.loads((tmp_path / "out/raytrace.json").read_text())["blind_positions"] > 0
     (tmp_path / f"out/scans/{names[-1]}.ply").unlink()
     trace(room, tmp_path / "out", *options)
-    assert files_of(tmp_path / "out").keys() == before.keys()
+    assert files_of(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize("options", [("--range", "0.1"), ("--height", "9"), ("--voxel-size", "0.01")])
+def test_overwrite_keeps_the_earlier_run_until_the_new_one_can_be_made(room, tmp_path, options):
+    trace(room, tmp_path / "out", "--step", "1")
+    before = files_of(tmp_path / "out")
+    result = invoke("raytrace", room, "-o", tmp_path / "out", "--v-min", "70", *COARSE, *options, "--overwrite")
+    assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1), result.stderr
+    assert files_of(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize("text", ["not ours", "{}", "[" * 100_000])
+def test_a_foreign_record_is_refused_and_nothing_beside_it_deleted(room, tmp_path, text):
+    (tmp_path / "out/scans").mkdir(parents=True)
+    (tmp_path / "out/scans/001.ply").write_text("precious")
+    (tmp_path / "out/raytrace.json").write_text(text)
+    for options in ((), ("--overwrite",)):
+        result = invoke("raytrace", room, "-o", tmp_path / "out", *COARSE, *options)
+        assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1)
+    assert (tmp_path / "out/scans/001.ply").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda text: text[: len(text) // 2], lambda text: text.replace("000001,", "abc,"), lambda text: ""]
+)
+def test_a_damaged_pose_file_is_planned_anew(room, tmp_path, damage):
+    trace(room, tmp_path / "out", "--step", "1")
+    before = files_of(tmp_path / "out")
+    poses = tmp_path / "out/poses.csv"
+    poses.write_text(damage(poses.read_text()))
+    trace(room, tmp_path / "out", "--step", "1")
+    assert files_of(tmp_path / "out") == before
+
+
+def test_an_empty_scan_file_is_made_again(room, tmp_path):
+    trace(room, tmp_path / "out", "--step", "1")
+    before = files_of(tmp_path / "out")
+    (tmp_path / "out/scans/000001.ply").write_bytes(b"")
+    trace(room, tmp_path / "out", "--step", "1")
+    assert files_of(tmp_path / "out") == before
+
+
+def test_a_second_process_in_the_folder_is_refused(room, tmp_path):
+    with exclusive(tmp_path / "out"):
+        result = invoke("raytrace", room, "-o", tmp_path / "out", *COARSE)
+    assert result.exit_code == 1
+    assert "another mcpseg is writing there" in result.stderr
+
+
+def test_a_scanner_over_the_ceiling_is_refused(room, tmp_path):
+    result = invoke("raytrace", room, "-o", tmp_path / "out", "--height", "4", *COARSE)
+    assert result.exit_code == 1
+    assert "expected a scanner below the ceiling" in result.stderr
+
+
+def test_voxels_too_small_for_the_points_are_pointed_out(room, tmp_path):
+    options = ("--voxel-size", "0.04", "--step", "2", "--h-res", "4", "--v-res", "4")
+    assert "rays may pass through walls" in invoke("raytrace", room, "-o", tmp_path / "out", *options).stderr
+
+
+def test_large_object_ids_are_counted_as_what_they_are(tmp_path):
+    cloud = make_room()
+    cloud.columns["instance"] = cloud.columns["instance"] + np.int32(2_000_000_000)
+    write_cloud(tmp_path / "room.ply", cloud)
+    document = json.loads(trace(tmp_path / "room.ply", tmp_path / "out", "--step", "2", "--json").stdout)
+    assert document["objects"] == 8
 
 
 def test_another_building_is_refused(room, tmp_path):
@@ -311,7 +379,7 @@ def test_scans_that_no_run_made_are_never_written_over(room, tmp_path):
     ("options", "said"),
     [
         (("--step", "0"), "--step"),
-        (("--v-min", "50", "--v-max", "20"), "lowest_deg must be below highest_deg"),
+        (("--v-min", "50", "--v-max", "20"), "--v-min must be below --v-max"),
         (("--dropout", "1"), "--dropout"),
         (("--h-res", "0"), "--h-res"),
         (("--range", "nan"), "--range"),

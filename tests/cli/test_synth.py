@@ -1,6 +1,7 @@
 """``mcpseg synth`` as people type it, and the way from nothing to scores."""
 
 import json
+import re
 import resource
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
 from mcpseg_cli.formats.s3dis import read_area
+from mcpseg_cli.lock import exclusive
 
 REPOSITORY = Path(__file__).parents[2]
 SMALL = ("--rooms", "3", "--spacing", "0.08", "--seed", "5", "-q")
@@ -41,10 +43,10 @@ def command(area: Path, *options: str) -> list[str]:
 
 def test_the_area_has_the_layout_of_s3dis_and_is_read_back(area):
     building, report = read_area(area, use_cache=False)
-    record = json.loads((area / "synth.json").read_text())
-    assert list(building.rooms) == sorted(record["rooms"], key=lambda name: name)
+    rooms = json.loads((area / "synth.json").read_text())["rooms"]
+    assert list(building.rooms) == sorted(room["name"] for room in rooms)
     assert {path.parent.name for path in area.rglob("*.txt")} == {"Annotations"}
-    assert len(building) == sum(sum(room["points"].values()) for room in record["rooms"].values())
+    assert len(building) == sum(sum(room["points"].values()) for room in rooms)
     assert (report.mended, report.dropped, report.other_classes) == ((), (), ())
 
 
@@ -75,9 +77,10 @@ def test_another_seed_and_another_style_give_other_buildings(area, tmp_path):
 
 
 def test_the_number_of_the_folder_decides_the_style(tmp_path):
-    invoke("synth", tmp_path / "Area_3", *SMALL)
-    invoke("synth", tmp_path / "office", *SMALL, "--style", "3")
-    assert texts_of(tmp_path / "Area_3") == texts_of(tmp_path / "office")
+    invoke("synth", tmp_path / "a/Area_3", *SMALL)
+    invoke("synth", tmp_path / "b/Area_3", *SMALL, "--style", "3")
+    invoke("synth", tmp_path / "c/Area_3", *SMALL, "--style", "1")
+    assert texts_of(tmp_path / "a/Area_3") == texts_of(tmp_path / "b/Area_3") != texts_of(tmp_path / "c/Area_3")
 
 
 def test_a_killed_command_continues_to_the_same_area(area, tmp_path):
@@ -116,8 +119,44 @@ def test_a_folder_with_other_things_is_never_written_to(tmp_path):
     for options in ((), ("--overwrite",)):
         result = invoke("synth", tmp_path / "Area_1", *SMALL, *options)
         assert result.exit_code == 1
-        assert "not empty and not made by mcpseg synth" in result.stderr
-    assert [path.name for path in (tmp_path / "Area_1").iterdir()] == ["office_1"]
+        assert "has office_1 but no synth.json" in result.stderr
+    assert (tmp_path / "Area_1/office_1").is_dir()
+    assert not list((tmp_path / "Area_1").rglob("*.txt"))
+
+
+def test_overwrite_leaves_files_alone_that_synth_did_not_make(tmp_path):
+    invoke("synth", tmp_path / "Area_1", *SMALL)
+    (tmp_path / "Area_1/scan_spots.txt").write_text("1 1\n")
+    assert invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6", "--overwrite").exit_code == 0
+    assert (tmp_path / "Area_1/scan_spots.txt").read_text() == "1 1\n"
+
+
+@pytest.mark.parametrize("planned", [["../precious"], [""], ["."], ["/"]])
+def test_a_forged_record_deletes_nothing_outside_the_rooms(area, tmp_path, planned):
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "Area_1").mkdir()
+    (tmp_path / "Area_1/mine").mkdir()
+    record = json.loads((area / "synth.json").read_text()) | {"planned": planned, "rooms": []}
+    (tmp_path / "Area_1/synth.json").write_text(json.dumps(record))
+    invoke("synth", tmp_path / "Area_1", *SMALL, "--overwrite")
+    assert (tmp_path / "precious").is_dir()
+    assert (tmp_path / "Area_1/mine").is_dir()
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"rooms": 4}', "null"])
+def test_a_damaged_record_is_one_line(tmp_path, text):
+    (tmp_path / "Area_1").mkdir()
+    (tmp_path / "Area_1/synth.json").write_text(text)
+    result = invoke("synth", tmp_path / "Area_1", *SMALL, "--overwrite")
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_second_process_in_the_folder_is_refused(tmp_path):
+    with exclusive(tmp_path / "Area_1"):
+        result = invoke("synth", tmp_path / "Area_1", *SMALL)
+    assert result.exit_code == 1
+    assert "another mcpseg is writing there" in result.stderr
 
 
 def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
@@ -141,6 +180,14 @@ def test_from_nothing_to_scores(area, tmp_path, weights_path):
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
+
+
+def test_the_python_lines_of_the_readme_run():
+    text = (REPOSITORY / "README.md").read_text()
+    code = re.search(r"```python\n(from mcpseg_cli.config import RaytraceSettings.*?)```", text, re.DOTALL).group(1)
+    names: dict = {}
+    exec(compile(code, "README.md", "exec"), names)  # our own text
+    assert len(names["scan"].points) > 1000
 
 
 def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):
