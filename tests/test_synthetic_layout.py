@@ -5,6 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.synthetic import layout
 from mcpseg_cli.synthetic.catalogue import STYLES, style_of
 from mcpseg_cli.synthetic.fittings import leaf_line, wall_of
 from mcpseg_cli.synthetic.layout import REQUIRED, plan_area
@@ -56,6 +58,44 @@ def test_corridors_are_connected_and_most_rooms_can_be_entered(style, rooms):
         reached |= {j for i, j in links if i in reached}
     assert all(i in reached for i, room in enumerate(rooms) if room.kind == "hallway")
     assert len(reached) >= 0.84 * len(rooms)
+
+
+@pytest.mark.parametrize("number", range(1, 7))
+def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
+    for seed in range(50):
+        rng = np.random.default_rng([seed, number])
+        rooms = plan_area(style_of(number, rng), 16, rng)
+        wanted = {i for i, room in enumerate(rooms) if room.kind == "hallway" or any(map(is_open, room.openings))}
+        links = list(neighbours(rooms))
+        reached = {min(wanted)}
+        for _ in rooms:
+            reached |= {j for i, j in links if i in reached}
+        assert wanted <= reached, seed
+
+
+def is_open(opening):
+    return opening.kind == "passage" or (opening.kind == "door" and not opening.is_dummy and opening.leaf_deg != 0)
+
+
+def test_corridors_that_do_not_meet_are_told_from_those_that_do():
+    boxes = [(0.0, 0.0, 4.0, 2.0), (4.1, 0.0, 8.0, 2.0), (3.0, 2.12, 5.0, 6.0)]  # the leg shares 1 m with each
+    rng = np.random.default_rng(0)
+    assert not layout._join([layout.Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
+    assert layout._join([layout.Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
+
+
+def test_a_plan_that_cannot_be_drawn_is_refused_in_one_line(monkeypatch):
+    monkeypatch.setattr(layout, "_join", lambda *_: False)
+    with pytest.raises(InputError, match="expected rooms that fit along corridors; try another") as caught:
+        plan_area(STYLES[0], 8, np.random.default_rng(0))
+    assert "\n" not in str(caught.value)
+
+
+def test_corridors_of_a_building_share_one_kind_of_ceiling_and_tiles_hide_ducts():
+    for _, rooms in PLANS:
+        assert len({room.ceiling_kind for room in rooms if room.kind == "hallway"}) == 1
+        for room in rooms:
+            assert room.ceiling_kind != "acoustic" or not any(f.kind in ("duct", "pipe") for f in room.fixtures)
 
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)

@@ -6,7 +6,7 @@ import pytest
 from mcpseg_cli.synthetic import lighting, photo, scanner
 from mcpseg_cli.synthetic.materials import Material
 from mcpseg_cli.synthetic.sampling import Samples, mesh_of, sample_mesh
-from mcpseg_cli.synthetic.solids import Item, box, part_of, quad
+from mcpseg_cli.synthetic.solids import Item, box, part_of, quad, tube
 from mcpseg_cli.synthetic.visibility import VOXEL, build_room_grid, facing_of, is_clear, number_cells
 
 GREY = Material("plain", (120, 120, 120), (90, 90, 90))
@@ -121,7 +121,7 @@ def test_views_are_the_same_as_their_slow_twin(scene):
             ray = tripods[view] - xyz[row]
             facing = ray @ normals[row] / np.linalg.norm(ray)
             if best < 0 and (not closed[row] or facing >= 0.02):
-                need -= min(0.2 + 2.2 * abs(facing) / (1 + ray @ ray / 9), 1)
+                need -= min(0.4 + 2.2 * abs(facing) / (1 + ray @ ray / 9), 1)
                 best = view if need <= 0 else -1
         assert chosen[row] == best
     assert same > 190  # rays along the edge of a voxel may fall to either side
@@ -146,6 +146,25 @@ def test_a_wall_behind_a_board_is_covered_and_around_it_is_not():
     covered = np.zeros(500, bool)
     scanner._mark_under(place, normals, np.arange(500), around, own, np.zeros(1), covered)
     assert np.array_equal(covered, ((place[:, [0, 2]] > 1) & (place[:, [0, 2]] < 2)).all(axis=1))
+
+
+def test_only_boxes_count_as_boxes_not_every_part_of_twelve_triangles():
+    assert scanner._is_box(part_of(box((0, 0, 0), (1, 2, 3)), GREY).moved(1.0, 2.0, 0.0, 0.4))
+    assert not scanner._is_box(part_of(tube((0, 0, 0), (0, 0, 1), 0.1, sides=6), GREY))
+
+
+def test_glass_and_dark_things_lose_patches_and_plain_walls_hardly_anything():
+    dark, glass = Material("metal", (20, 20, 22), (9, 9, 9), seed=4), Material("glass", (90, 100, 110), (150, 160, 170))
+    sheets = [part_of(quad((3 * k, 0, 0), (2, 0, 0), (0, 0, 2)), m) for k, m in enumerate((GREY, dark, glass))]
+    mesh = mesh_of([Item("clutter", (sheet,)) for sheet in sheets])
+    samples = sample_mesh(mesh, 0.05, np.random.default_rng(0))
+    lost = np.zeros(3)
+    for seed in range(30):
+        gaps = scanner._gaps(mesh, samples, np.random.default_rng(seed))
+        lost += [gaps[samples.part == part].mean() / 30 for part in range(3)]
+    assert lost[0] < 0.02
+    assert 0.05 < lost[1] < 0.5
+    assert 0.1 < lost[2] < 0.6
 
 
 def test_backs_that_touch_the_wall_are_marked():
@@ -192,6 +211,9 @@ def test_darker_light_makes_darker_photos(scene):
 
 def test_choosing_samples_keeps_their_order():
     samples = Samples(
-        np.arange(9, dtype=np.float32).reshape(3, 3), np.zeros((3, 3), np.float32), np.arange(3, dtype=np.int32)
+        np.arange(9, dtype=np.float32).reshape(3, 3),
+        np.zeros((3, 3), np.float32),
+        np.arange(3, dtype=np.int32),
+        np.zeros(3, np.float32),
     )
     assert samples.chosen(np.array([True, False, True])).part.tolist() == [0, 2]

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from mcpseg_cli.synthetic.catalogue import STYLES
+from mcpseg_cli.synthetic.catalogue import STYLES, style_of
 from mcpseg_cli.synthetic.layout import plan_area
 from mcpseg_cli.synthetic.sampling import mesh_of, sample_mesh
 from mcpseg_cli.synthetic.shell import build_shell
-from mcpseg_cli.synthetic.solids import area_of, box, part_of
+from mcpseg_cli.synthetic.solids import Item, area_of, box, part_of, quad
 from mcpseg_cli.synthetic.visibility import VOXEL, RoomGrid, build_room_grid, sees
 
 
@@ -82,6 +83,33 @@ def test_samples_are_as_dense_as_asked_for():
     samples = sample_mesh(mesh, 0.05, np.random.default_rng(0))
     assert len(samples.xyz) == pytest.approx(area_of(mesh.triangles).sum() / 0.05**2, rel=0.02)
     assert np.abs(samples.xyz[:, 2]).max() < 1e-5
+
+
+def test_points_lie_more_evenly_than_random_ones_also_after_thinning():
+    sheet = part_of(quad((0, 0, 0), (4, 0, 0), (0, 1, 0)), STYLES[0].floors[0])
+    rng = np.random.default_rng(3)
+    samples = sample_mesh(mesh_of([Item("floor", (sheet,))]), 0.03, rng)
+    probes = rng.uniform((0.1, 0.1), (3.9, 0.9), (4000, 2))
+    for share in (1.0, 0.7, 0.4):
+        kept = samples.xyz[samples.rank < share, :2]
+        assert len(kept) == pytest.approx(share * len(samples.xyz), rel=0.03)
+        holes = [
+            np.quantile(cKDTree(cloud).query(probes)[0], 0.995) for cloud in (kept, rng.random(kept.shape) * [4, 1])
+        ]
+        assert holes[0] < 0.9 * holes[1]
+
+
+def test_corridors_of_a_building_look_the_same():
+    style = style_of(4, np.random.default_rng(0))
+    halls = [room for room in plan_area(style, 24, np.random.default_rng(2)) if room.kind == "hallway"]
+    assert len(halls) > 2
+    looks = set()
+    for seed, hall in enumerate(halls):
+        items = build_shell(hall, style, np.random.default_rng(seed))
+        looks.add(
+            tuple(next(i for i in items if i.name == name).parts[0].material for name in ("floor", "ceiling", "wall"))
+        )
+    assert len(looks) == 1
 
 
 def slow_sees(grid, start, end):

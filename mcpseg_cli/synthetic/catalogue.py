@@ -31,7 +31,7 @@ MODERN = Style(
         76), 0.5)),
     ceilings=("acoustic", "acoustic", "plaster"), lamps=("panel", "panel", "downlight", "trough"),
     glazing=("band", "full", "band"), doors=("wood", "glazed", "painted"), height=(2.6, 3.0), glass_walls=0.35,
-    beams=0.3, columns=0.35, ducts=0.2, kelvin=(3600, 5200), daylight=(0.3, 1.2), exposure=(0.8, 1.3),
+    beams=0.3, columns=0.35, ducts=0.2, kelvin=(3600, 5200), daylight=(0.3, 1.2), exposure=(0.95, 1.15),
     kinds=(("office", 22), ("conferenceRoom", 4), ("openspace", 3), ("lounge", 2), ("copyRoom", 1), ("storage", 1),
         ("pantry", 1), ("WC", 1)),
 )  # fmt: skip
@@ -47,7 +47,7 @@ BRICK = Style(
     ceilings=("plaster", "concrete", "boards"), lamps=("pendant", "globe", "strip"), glazing=("single", "single",
         "band"),
     doors=("panelled", "wood", "painted"), height=(2.9, 3.5), glass_walls=0.1, beams=0.6, columns=0.4, ducts=0.6,
-    feature_walls=0.3, kelvin=(2700, 3400), daylight=(0.2, 1.0), exposure=(0.6, 1.1),
+    feature_walls=0.3, kelvin=(2700, 3400), daylight=(0.2, 1.0), exposure=(0.8, 0.96),
     kinds=(("office", 18), ("conferenceRoom", 3), ("lounge", 3), ("openspace", 3), ("storage", 2), ("pantry", 1),
         ("WC", 1)),
 )  # fmt: skip
@@ -63,7 +63,7 @@ LAB = Style(
         (128, 126, 120), 0.3)),
     ceilings=("concrete", "concrete", "acoustic"), lamps=("strip", "strip", "panel"), glazing=("band", "single"),
     doors=("steel", "wood", "painted"), height=(2.8, 3.4), glass_walls=0.15, beams=0.7, columns=0.6, ducts=0.85,
-    kelvin=(3800, 5600), daylight=(0.1, 0.6), exposure=(0.6, 1.1),
+    kelvin=(3800, 5600), daylight=(0.1, 0.6), exposure=(0.8, 0.96),
     kinds=(("office", 20), ("openspace", 4), ("storage", 4), ("conferenceRoom", 2), ("lounge", 1), ("copyRoom", 1),
         ("pantry", 1), ("WC", 1)),
 )  # fmt: skip
@@ -86,7 +86,7 @@ COWORKING = Style(
     ceilings=("concrete", "boards", "plaster"), lamps=("pendant", "globe", "trough", "downlight"), glazing=("full",
         "band"),
     doors=("glazed", "wood", "painted"), height=(2.8, 3.4), glass_walls=0.45, beams=0.45, columns=0.5, ducts=0.7,
-    feature_walls=0.35, kelvin=(2700, 3600), daylight=(0.4, 1.4), exposure=(0.75, 1.25),
+    feature_walls=0.35, kelvin=(2700, 3600), daylight=(0.4, 1.4), exposure=(0.92, 1.1),
     kinds=(("office", 9), ("openspace", 6), ("lounge", 5), ("conferenceRoom", 4), ("pantry", 2), ("storage", 1),
         ("copyRoom", 1), ("WC", 1)),
 )  # fmt: skip
@@ -104,7 +104,7 @@ SEVENTIES = Style(
         108, 94), 0.4)),
     ceilings=("acoustic", "acoustic", "plaster"), lamps=("panel", "strip", "trough"), glazing=("single", "band"),
     doors=("wood", "wood", "panelled"), height=(2.5, 2.8), glass_walls=0.05, beams=0.35, columns=0.3, ducts=0.2,
-    feature_walls=0.25, kelvin=(3000, 4600), daylight=(0.05, 0.5), exposure=(0.5, 1.0),
+    feature_walls=0.25, kelvin=(3000, 4600), daylight=(0.05, 0.5), exposure=(0.74, 0.88),
     kinds=(("office", 31), ("conferenceRoom", 2), ("storage", 2), ("lounge", 1), ("openspace", 1), ("copyRoom", 1),
         ("pantry", 1), ("WC", 1)),
 )  # fmt: skip
@@ -123,7 +123,7 @@ WHITE = Style(
     ceilings=("plaster", "plaster", "acoustic"), lamps=("downlight", "trough", "globe", "strip"), glazing=("full",
         "single", "band"),
     doors=("painted", "glazed", "steel"), height=(2.7, 3.4), glass_walls=0.3, beams=0.4, columns=0.45, ducts=0.2,
-    feature_walls=0.12, kelvin=(3400, 6000), daylight=(0.3, 1.3), exposure=(0.8, 1.4),
+    feature_walls=0.12, kelvin=(3400, 6000), daylight=(0.3, 1.3), exposure=(1.0, 1.2),
     kinds=(("office", 12), ("conferenceRoom", 5), ("lounge", 3), ("openspace", 3), ("storage", 2), ("pantry", 1),
         ("copyRoom", 1), ("WC", 1), ("lobby", 1)),
 )  # fmt: skip
@@ -156,6 +156,7 @@ def style_of(number: int, rng: np.random.Generator) -> Style:
         beams=float(np.clip(style.beams + rng.normal(0, 0.1), 0.1, 1)),
         columns=float(np.clip(style.columns + rng.normal(0, 0.1), 0.1, 1)),
         glass_walls=float(np.clip(style.glass_walls + rng.normal(0, 0.08), 0, 1)),
+        hall_seed=int(rng.integers(1 << 31)),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.synthetic.materials import Colour, Material
-from mcpseg_cli.synthetic.plan import Room
+from mcpseg_cli.synthetic.plan import CeilingKind, Room
 from mcpseg_cli.synthetic.solids import (
     Item,
     Part,
@@ -23,32 +23,29 @@ from mcpseg_cli.synthetic.solids import (
     surface,
     tube,
 )
-from mcpseg_cli.synthetic.styles import CeilingKind, LampKind, Style, paint, pick_colour, pick_metal, pick_wood
+from mcpseg_cli.synthetic.styles import LampKind, Style, paint, pick_colour, pick_metal, pick_wood
 
 TILE = 0.6
 """Edge of a suspended ceiling's tile, metres."""
 
 
-def build_ceiling(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
+def build_ceiling(room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator) -> list[Item]:
     """Build the ceiling of a room and what hangs from it.
 
     Args:
         room: The room.
         style: The building's.
         rng: Random numbers.
+        finish: Those that the surface and the kind of lamp are drawn from.
 
     Returns:
         One ``ceiling`` and ``clutter`` for lamps (the burning ones glow), vents and detectors, in the map frame.
     """
-    kind = style.ceilings[int(rng.integers(len(style.ceilings)))] if rng.random() < 0.4 else style.ceilings[0]
-    if kind == "acoustic" and any(fixture.kind in ("duct", "pipe") for fixture in room.fixtures):
-        kind = "plaster"
     (x0, y0), (x1, y1) = room.low, room.high
     sheet = quad((x0, y1, room.ceiling), (x1 - x0, 0, 0), (0, y0 - y1, 0))
-    parts = [part_of(sheet, _face(kind, style, rng))]
-    items = [Item("ceiling", tuple(parts))]
+    items = [Item("ceiling", (part_of(sheet, _face(room.ceiling_kind, style, finish)),))]
     taken = [np.stack([f.low[:2], f.high[:2]]) for f in room.fixtures]
-    items += _lamps(room, style, taken, rng)
+    items += _lamps(room, style, taken, rng, finish)
     items += _small(room, taken, rng)
     return items
 
@@ -77,10 +74,12 @@ def _face(kind: CeilingKind, style: Style, rng: np.random.Generator) -> Material
     return paint(pick_colour(((232, 230, 224), (216, 212, 200)), rng), rng, "plaster", 0.8)
 
 
-def _lamps(room: Room, style: Style, taken: list[NDArray[np.float64]], rng: np.random.Generator) -> list[Item]:
+def _lamps(
+    room: Room, style: Style, taken: list[NDArray[np.float64]], rng: np.random.Generator, finish: np.random.Generator
+) -> list[Item]:
     """Hang lamps in rows; a room may have them all off, and single ones fail."""
-    kind = style.lamps[int(rng.integers(len(style.lamps)))]
-    colour = kelvin_colour(rng.uniform(*style.kelvin))
+    kind = style.lamps[int(finish.integers(len(style.lamps)))]
+    colour = kelvin_colour(finish.uniform(*style.kelvin))
     glow = 0.0 if rng.random() < 0.1 else rng.uniform(0.8, 2.5)
     pitch = rng.uniform(1.8, 3.2) if kind != "downlight" else rng.uniform(1.2, 1.8)
     size = room.high - room.low

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.synthetic.plan import Fixture, Opening, Room
+from mcpseg_cli.synthetic.plan import CeilingKind, Fixture, Opening, Room
 from mcpseg_cli.synthetic.styles import Style
+
+_UNDER_TILES = 0.2  # of the usual share of rooms with beams, where a suspended ceiling would hide them
+_IN_HALLS = 0.6  # the same in corridors
 
 
 def fit_out(rooms: list[Room], style: Style, rng: np.random.Generator) -> list[Room]:
@@ -27,6 +30,7 @@ def fit_out(rooms: list[Room], style: Style, rng: np.random.Generator) -> list[R
     complete = []
     for room in rooms:
         room = _service_doors(room, rng) if room.kind == "hallway" else room
+        room = replace(room, ceiling_kind=_ceiling_kind(room, style, rng))
         columns = [column for column in _columns(room, style, bay, rng) if not _blocks(room, column)]
         room = _windows(replace(room, fixtures=tuple(_apart(columns))), style, rng)  # windows lie between columns
         fixtures = [*columns, *_shafts(room, rng), *_radiators(room, rng)]
@@ -83,6 +87,12 @@ def free_stretches(
     if end - margin > cursor:
         stretches.append((cursor, end - margin))
     return stretches
+
+
+def _ceiling_kind(room: Room, style: Style, rng: np.random.Generator) -> CeilingKind:
+    """Draw what a ceiling is made of, the same in all corridors of a building."""
+    finish = np.random.default_rng(style.hall_seed) if room.kind == "hallway" else rng
+    return style.ceilings[int(finish.integers(len(style.ceilings)))] if finish.random() < 0.4 else style.ceilings[0]
 
 
 def _glass_walls(rooms: list[Room], style: Style, rng: np.random.Generator) -> list[Room]:
@@ -242,7 +252,8 @@ def _radiators(room: Room, rng: np.random.Generator) -> list[Fixture]:
 
 def _beams(room: Room, style: Style, bay: float, rng: np.random.Generator) -> list[Fixture]:
     """Hang beams across the short way of the room, on the raster."""
-    if rng.random() > style.beams or room.ceiling < 2.5:
+    share = style.beams * (_UNDER_TILES if room.ceiling_kind == "acoustic" else 1.0)
+    if rng.random() > share * (_IN_HALLS if room.kind == "hallway" else 1.0) or room.ceiling < 2.5:
         return []
     along = int(np.argmax(room.high - room.low))
     width = rng.uniform(0.2, 0.45)
@@ -261,7 +272,7 @@ def _beams(room: Room, style: Style, bay: float, rng: np.random.Generator) -> li
 
 def _ducts(room: Room, style: Style, fixtures: list[Fixture], rng: np.random.Generator) -> list[Fixture]:
     """Run a duct and pipes along the room under the ceiling, below beams."""
-    if rng.random() > style.ducts or room.ceiling < 2.75:
+    if room.ceiling_kind == "acoustic" or rng.random() > style.ducts or room.ceiling < 2.75:
         return []
     along = int(np.argmax(room.high - room.low))
     across = 1 - along
@@ -312,12 +323,11 @@ def leaf_line(room: Room, opening: Opening) -> list[tuple[NDArray[np.float64], N
         return []
     _, _, place, inwards = wall_of(room, opening.side)
     width = opening.end - opening.start
-    is_double = width > 1.3
-    ends = (False, True) if is_double else (opening.hinge_at_end,)
+    ends = (False, True) if opening.is_double else (opening.hinge_at_end,)
     lines = []
     for at_end in ends:
         hinge = opening.end - 0.05 if at_end else opening.start + 0.05
-        length = (width / 2 if is_double else width) - 0.09
+        length = (width / 2 if opening.is_double else width) - 0.09
         angle = np.radians(opening.leaf_deg)
         along = (-1.0 if at_end else 1.0) * np.cos(angle) * length
         out = inwards * np.sin(angle) * length

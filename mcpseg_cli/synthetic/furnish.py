@@ -30,8 +30,8 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
     """Furnish a room.
 
     Nothing meets anything else or what is taken. Everything stands on the floor or on something, hangs on a wall or
-    hangs from the ceiling. Doors stay free, and a robot 0.4 m wide can get from every door to nearly all the floor that
-    is left.
+    hangs from the ceiling. Doors stay free, and a robot 0.52 m wide can get from every door to nearly all the floor
+    that is left.
 
     Args:
         room: The room; its kind decides what comes in.

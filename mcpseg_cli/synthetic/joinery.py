@@ -102,7 +102,8 @@ def _closed_lines(room: Room, opening: Opening) -> list[tuple[NDArray[np.float64
     """Return hinge and far edge of the leaves of a closed door, which stands in the middle of its wall."""
     _, _, place, inwards = wall_of(room, opening.side)
     a, b, middle = opening.start + 0.04, opening.end - 0.04, (opening.start + opening.end) / 2
-    spans = [(a, middle - 0.004), (b, middle + 0.004)] if b - a > 1.2 else [(b, a) if opening.hinge_at_end else (a, b)]
+    single = (b, a) if opening.hinge_at_end else (a, b)
+    spans = [(a, middle - 0.004), (b, middle + 0.004)] if opening.is_double else [single]
     across = place - inwards * (opening.depth - 0.02)
     order = -1 if opening.side % 2 else 1
     return [(np.array([first, across][::order]), np.array([last, across][::order])) for first, last in spans]
@@ -118,7 +119,7 @@ def _leaf(
 ) -> list[Part]:
     """Build a leaf from its hinge along +x, 4 cm thick, with handles on the faces (+1, -1) given."""
     face, metal = materials
-    glass = Material("glass", (120, 132, 134), (160, 176, 180), 0.5, face.seed)
+    glass = Material("glass", (90, 102, 106), (150, 164, 168), 0.5, face.seed)
     parts = []
     if kind == "glazed":
         stile = rng.uniform(0.08, 0.14)
@@ -168,25 +169,28 @@ def build_windows(room: Room, style: Style, daylight: float, rng: np.random.Gene
     shades: tuple[Shade, ...] = ("none", "slats", "roller", "curtain")
     shade = shades[int(rng.choice(4, p=(0.35, 0.3, 0.2, 0.15)))]
     cloth = paint(pick_colour(style.walls + style.accents, rng), rng, "weave" if shade == "curtain" else "plain")
-    tint = np.clip(np.array([188, 206, 226]) + rng.normal(0, 14, 3), 90, 255)
+    glass = _glass(daylight, rng)
     items = []
     for opening in room.openings:
         if opening.kind != "window":
             continue
-        items.append(_window(room, opening, trim, (float(tint[0]), float(tint[1]), float(tint[2])), daylight, rng))
+        items.append(_window(room, opening, trim, glass, rng))
         if shade != "none" and opening.glazing != "interior":
             items.append(_shade(room, opening, shade, cloth, rng))
     return items
 
 
-def _window(
-    room: Room,
-    opening: Opening,
-    trim: Material,
-    sky: tuple[float, float, float],
-    daylight: float,
-    rng: np.random.Generator,
-) -> Item:
+def _glass(daylight: float, rng: np.random.Generator) -> Material:
+    """Draw what panes to the street show: too bright an outside in a third of the rooms, else a dark bluish one."""
+    shift = rng.normal(0, 12) + rng.normal(0, 5, 3)
+    if rng.random() < 1 / 3:
+        red, green, blue = np.clip(np.array([188, 206, 226]) + shift, 90, 255).tolist()
+        return Material("glass", (red, green, blue), (214, 222, 226), 0.6, glow=daylight)
+    red, green, blue = np.clip(np.array([84, 98, 114]) + shift, 30, 160).tolist()
+    return Material("glass", (red, green, blue), (red + 60, green + 64, blue + 66), 0.6, glow=0.35 * daylight)
+
+
+def _window(room: Room, opening: Opening, trim: Material, outside: Material, rng: np.random.Generator) -> Item:
     """Build frame, mullions, panes and sill of one window."""
     a, b, low, high = opening.start, opening.end, opening.low, opening.high
     is_inside = opening.glazing == "interior"
@@ -206,8 +210,8 @@ def _window(
         step = rim / 2 + 0.001
         bars += [((x0 + step, z - rim / 2), (x1 - step, z + rim / 2)) for x0, x1 in itertools.pairwise(edges)]
     parts = [part_of(on_wall(box((p[0], back, p[1]), (q[0], front, q[1])), room, opening.side), trim) for p, q in bars]
-    glow = 0.0 if is_inside else daylight
-    glass = Material("glass", (140, 150, 150) if is_inside else sky, (205, 214, 216), 0.6, trim.seed, glow)
+    inside = Material("glass", (96, 106, 110), (158, 168, 172), 0.6)
+    glass = replace(inside if is_inside else outside, seed=int(rng.integers(1 << 30)))
     plane = (back + front) / 2
     pane = quad((b - rim, plane, low + rim), (a - b + 2 * rim, 0, 0), (0, 0, high - low - 2 * rim))
     parts.append(part_of(on_wall(pane, room, opening.side), glass))

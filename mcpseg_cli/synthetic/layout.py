@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mcpseg_cli.errors import InputError
 from mcpseg_cli.synthetic.fittings import fit_out
 from mcpseg_cli.synthetic.plan import Opening, Room, RoomKind
 from mcpseg_cli.synthetic.styles import Style
@@ -99,21 +99,26 @@ def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Ro
     Returns:
         The rooms in natural order of their names, in a map frame whose origin lies tens of metres away. They do not
         overlap; each has a way to a corridor and corridors join each other.
+
+    Raises:
+        InputError: No arrangement was found.
     """
     num_halls = max(1, round(num_rooms * rng.uniform(0.14, 0.24))) if num_rooms < 40 else round(num_rooms / 6)
     kinds = _kinds(style, num_rooms - num_halls, rng)
     height = rng.uniform(*style.height)
     for attempt in range(60):
         halls = _corridors(style, kinds, num_halls, (1.0 + 0.06 * attempt) * _length(kinds, style), rng)
-        _join(halls, height, rng)
+        if not _join(halls, height, rng):
+            continue
         rooms = _line_up(halls, kinds, height, rng)
         if len(rooms) == len(kinds):
             return _finish(halls + rooms, style, rng)
-    raise ValueError(f"no plan found for {num_rooms} rooms")
+    found, expected = f"no plan found for {num_rooms} rooms", "rooms that fit along corridors"
+    raise InputError("the floor plan", found, expected, "try another number of rooms or another seed")
 
 
 def _kinds(style: Style, count: int, rng: np.random.Generator) -> list[RoomKind]:
-    """Draw what rooms are for; large ones first, as they are hardest to place."""
+    """Draw what rooms are for, those in ``REQUIRED`` among them, in random order."""
     names = [kind for kind, _ in style.kinds]
     weights = np.array([weight for _, weight in style.kinds])
     kinds: list[RoomKind] = list(REQUIRED[:count])
@@ -175,22 +180,27 @@ def _cut(leg: Rectangle, count: int, rng: np.random.Generator) -> list[Rectangle
     return [(a, y0, b, y1) if along_x else (x0, a, x1, b) for a, b in ends]
 
 
-def _join(halls: list[Space], height: float, rng: np.random.Generator) -> None:
-    """Open passages between corridors that meet, and give each its ceiling."""
+def _join(halls: list[Space], height: float, rng: np.random.Generator) -> bool:
+    """Open passages between corridors that meet, give each its ceiling; return whether all can be walked through."""
+    network = list(range(len(halls)))  # number of the part of the network that each belongs to
     lowered = rng.uniform(0.0, 0.35)
     for hall in halls:
         hall.ceiling = max(height - lowered, 2.45)
     for number, first in enumerate(halls):
-        for second in halls[number + 1 :]:
+        for other in range(number + 1, len(halls)):
+            second = halls[other]
             side, low, high, gap = _facing(first.box, second.box)
             if side < 0 or gap > 0.2 or high - low < 1.4:
                 continue
             header = rng.uniform(0.2, 0.4) if rng.random() < 0.5 and height - lowered > 2.6 else 0.0
             inset = rng.uniform(0.05, 0.2) if rng.random() < 0.4 else 0.0
-            top = hall.ceiling - header
+            top = first.ceiling - header
             opening = Opening("passage", side, low + inset, high - inset, 0.0, top, depth=gap / 2)
             first.openings.append(opening)
             second.openings.append(replace(opening, side=(side + 2) % 4))
+            kept, dropped = network[number], network[other]
+            network = [kept if part == dropped else part for part in network]
+    return len(set(network)) == 1
 
 
 def _facing(first: Rectangle, second: Rectangle) -> tuple[int, float, float, float]:
@@ -285,20 +295,19 @@ def _cut_door(room: Space, hall: Space, side: int, door: Opening, wall: float, r
     for start in [*ends, *rng.uniform(low, high - width, 4).tolist()]:
         start = float(np.clip(start, low, high - width))
         if room.is_free(own, start, start + width) and hall.is_free(side, start, start + width):
-            leaf = min(door.leaf_deg, _widest(room, own, start, width, door.hinge_at_end))
-            cut = replace(door, side=own, start=start, end=start + width, depth=wall / 2, leaf_deg=leaf)
-            room.openings.append(cut)
-            hall.openings.append(replace(cut, side=side, leaf_deg=0.0 if cut.leaf_deg == 0 else -1.0))
+            cut = replace(door, side=own, start=start, end=start + width, depth=wall / 2)
+            room.openings.append(replace(cut, leaf_deg=min(cut.leaf_deg, _widest(room, cut))))
+            hall.openings.append(replace(cut, side=side, leaf_deg=-1.0))
             return True
     return False
 
 
-def _widest(room: Space, side: int, start: float, width: float, at_end: bool) -> float:
+def _widest(room: Space, door: Opening) -> float:
     """Return how far a leaf may open before it meets the wall beside it, degrees."""
-    low, high = room.reach(side)
-    is_double = width > 1.3
-    beside = min(start - low, high - start - width) if is_double else (high - start - width if at_end else start - low)
-    length = width / 2 if is_double else width
+    low, high = room.reach(door.side)
+    before, after = door.start - low, high - door.end
+    beside = min(before, after) if door.is_double else (after if door.hinge_at_end else before)
+    length = (door.end - door.start) / (2 if door.is_double else 1)
     return 90.0 + float(np.degrees(np.arcsin(np.clip((beside - 0.08) / length, -0.2, 1.0))))
 
 
@@ -358,8 +367,3 @@ def _close_some(spaces: list[Space], rng: np.random.Generator) -> None:
                 for index, twin in enumerate(other.openings):
                     if twin.side == (door.side + 2) % 4 and twin.start == door.start and twin.end == door.end:
                         other.openings[index] = replace(twin, leaf_deg=0.0)
-
-
-def box_of(room: Room) -> NDArray[np.float64]:
-    """Return the (2, 3) lowest and highest corner of a room's inside, metres, map frame."""
-    return np.array([[*room.low, 0.0], [*room.high, room.ceiling]])

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.synthetic.sampling import Floats, Mesh, Samples
+from mcpseg_cli.synthetic.noise import Floats
+from mcpseg_cli.synthetic.sampling import Mesh, Samples
 from mcpseg_cli.synthetic.solids import area_of
 from mcpseg_cli.synthetic.visibility import VOXEL, RoomGrid, facing_of, is_clear, number_cells
 

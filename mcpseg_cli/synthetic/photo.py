@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.synthetic.noise import fbm
-from mcpseg_cli.synthetic.sampling import Floats, Mesh, Samples
+from mcpseg_cli.synthetic.noise import Floats, fbm
+from mcpseg_cli.synthetic.sampling import Mesh, Samples
 from mcpseg_cli.synthetic.styles import Style
 
 
@@ -61,8 +61,8 @@ def _exposed(painted: Floats, light: Floats, glow: Floats, style: Style, rng: np
     colour = (painted / 255) ** 2.2 * lit
     usual = np.median(colour[:: max(1, len(colour) // 20000)].mean(axis=1)) if len(colour) else 1.0
     draw = rng.random()
-    exposure = rng.uniform(*style.exposure) * (0.35 if draw < 0.06 else 2.2 if draw < 0.11 else 1.0)
-    exposed: Floats = colour * np.float32(exposure * rng.uniform(0.12, 0.3) / max(float(usual), 0.02))
+    exposure = rng.uniform(*style.exposure) * (0.35 if draw < 0.05 else 2.2 if draw < 0.09 else 1.0)
+    exposed: Floats = colour * np.float32(exposure * rng.uniform(0.17, 0.24) / max(float(usual), 0.02))
     return exposed
 
 

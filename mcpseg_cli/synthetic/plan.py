@@ -12,6 +12,9 @@ RoomKind = Literal[
     "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry", "copyRoom", "WC"
 ]
 """Names as S3DIS uses them; a room is called ``kind_number``."""
+CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
+DOUBLE_DOOR_WIDTH = 1.3
+"""Wider doors have two leaves, metres."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,11 @@ class Opening:
     glazing: Literal["single", "band", "full", "interior"] = "single"
     is_dummy: bool = False
 
+    @property
+    def is_double(self) -> bool:
+        """Whether a door is so wide that it has two leaves."""
+        return self.end - self.start > DOUBLE_DOOR_WIDTH
+
 
 @dataclass(frozen=True)
 class Fixture:
@@ -75,6 +83,7 @@ class Room:
             leaves and where they swing, the way through doors.
         fixtures: Columns, beams, radiators and the like; those that reach down are in ``taken``.
         exterior: Sides with nothing but the street behind them.
+        ceiling_kind: What the ceiling is made of; acoustic tiles are a suspended ceiling.
     """
 
     name: str
@@ -86,6 +95,7 @@ class Room:
     taken: tuple[NDArray[np.float64], ...] = field(default=())
     fixtures: tuple[Fixture, ...] = ()
     exterior: tuple[int, ...] = ()
+    ceiling_kind: CeilingKind = "plaster"
 
     def reach_of(self, side: int) -> tuple[float, float]:
         """Return where the wall on a side begins and ends, metres."""

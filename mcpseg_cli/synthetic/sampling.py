@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.synthetic.noise import Floats
 from mcpseg_cli.synthetic.solids import Item, Part, area_of
 from mcpseg_cli.synthetic.textures import PATTERNS, Surface, paint_surface
 
-Floats = NDArray[np.float32]
+_STEPS = (0.7548776662466927, 0.5698402909980532, 0.7320508075688772)
+"""Steps of a low-discrepancy sequence: R2 for places, the root of 3 for ranks."""
+_ON_GLASS = 0.75  # of the points elsewhere; patches of it are lost later
 
 
 @dataclass(frozen=True)
@@ -44,15 +47,17 @@ class Samples:
         xyz: (N, 3) float32, metres, map frame.
         normals: (N, 3) float32 unit vectors.
         part: (N,) int32 part of the mesh.
+        rank: (N,) float32, 0-1; those below any share of 1 are that share of the points, evenly spread.
     """
 
     xyz: Floats
     normals: Floats
     part: NDArray[np.int32]
+    rank: Floats
 
     def chosen(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
         """Return some of the points."""
-        return Samples(self.xyz[which], self.normals[which], self.part[which])
+        return Samples(self.xyz[which], self.normals[which], self.part[which], self.rank[which])
 
 
 def mesh_of(items: list[Item]) -> Mesh:
@@ -73,17 +78,31 @@ def mesh_of(items: list[Item]) -> Mesh:
 
 
 def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples:
-    """Draw points evenly over the surfaces: on average one in each square of ``spacing``, half as many on glass."""
-    expected = area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], 0.38, 1.0)
-    counts = np.floor(expected + rng.random(len(expected))).astype(np.int64)
+    """Spread points evenly over the surfaces: one for each square of ``spacing``, three quarters of that on glass.
+
+    Each triangle has its own stretch of a low-discrepancy sequence over its parallelogram, of which half falls into the
+    triangle, so that there are no clumps and holes.
+    """
+    expected = area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
+    counts = np.floor(2 * expected + rng.random(len(expected))).astype(np.int64)
     face = np.repeat(np.arange(len(counts)), counts)
-    first, second = rng.random((2, len(face)), np.float32)
-    over = first + second > 1
-    first[over], second[over] = 1 - first[over], 1 - second[over]
+    term = np.arange(len(face)) - (np.cumsum(counts) - counts)[face]
+    start = rng.random((3, len(counts)))
+    # shaken by up to a fifth of the spacing: rows of a lattice would show
+    reach = np.linalg.norm(mesh.triangles[:, 1:] - mesh.triangles[:, :1], axis=2).T
+    shake = np.minimum(0.2 * spacing / reach, 0.25)
+    first, second = (
+        (start[k][face] + term * _STEPS[k] + shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)) % 1.0
+        for k in range(2)
+    )
+    kept = np.flatnonzero(first + second <= 1)
+    face, first, second = face[kept], first[kept], second[kept]
+    rank = (start[2][face] + term[kept] * _STEPS[2]) % 1.0
     corners = mesh.triangles[:, 0].astype(np.float32)
     sides = (mesh.triangles[:, 1:] - mesh.triangles[:, :1]).astype(np.float32)
-    xyz = corners[face] + first[:, None] * sides[face, 0] + second[:, None] * sides[face, 1]
-    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face])
+    along, up = first.astype(np.float32)[:, None], second.astype(np.float32)[:, None]
+    xyz = corners[face] + along * sides[face, 0] + up * sides[face, 1]
+    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank.astype(np.float32))
 
 
 def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Floats:

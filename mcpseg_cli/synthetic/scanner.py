@@ -7,15 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from mcpseg_cli.synthetic.lighting import bake
-from mcpseg_cli.synthetic.noise import fbm
+from mcpseg_cli.synthetic.noise import Floats, fbm
 from mcpseg_cli.synthetic.photo import develop, take_from_panorama
 from mcpseg_cli.synthetic.plan import Room
-from mcpseg_cli.synthetic.sampling import Floats, Mesh, Samples, mesh_of, paint_samples, sample_mesh
-from mcpseg_cli.synthetic.solids import Item
+from mcpseg_cli.synthetic.sampling import Mesh, Samples, mesh_of, paint_samples, sample_mesh
+from mcpseg_cli.synthetic.solids import Item, Part
 from mcpseg_cli.synthetic.styles import Style
 from mcpseg_cli.synthetic.visibility import VOXEL, RoomGrid, build_room_grid, facing_of, is_clear, number_cells
+
+_MIDDLE, _SPREAD = 0.515, 0.12  # mean and standard deviation of the noise that gaps are cut from
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ def scan_room(items: list[Item], room: Room, style: Style, spacing: float, rng: 
     tripods = place_tripods(room, grid, rng)
     samples = sample_mesh(mesh, spacing * rng.uniform(0.8, 1.15), rng)
     samples = samples.chosen(~_covered(mesh, samples, room))
-    samples, tripod = _seen(mesh, grid, samples, tripods, rng)
+    samples, tripod = _seen(mesh, grid, samples, tripods)
     kept = ~_gaps(mesh, samples, rng)
     samples, tripod = samples.chosen(kept), tripod[kept]
     painted = paint_samples(mesh, samples, rng)
@@ -89,13 +92,18 @@ def _covered(mesh: Mesh, samples: Samples, room: Room) -> NDArray[np.bool_]:
     _mark_outward(samples.xyz, samples.normals, mesh.is_closed[samples.part], box, covered)
     is_shell = np.flatnonzero(~mesh.is_closed[samples.part])
     order = is_shell[np.argsort(samples.xyz[is_shell, 0], kind="stable")]
-    boxes = [part for part in mesh.parts if len(part.triangles) == 12]
+    boxes = [part for part in mesh.parts if _is_box(part)]
     if boxes:
         around = np.array([[f(part.triangles.reshape(-1, 3), axis=0) for f in (np.min, np.max)] for part in boxes])
         own = np.array([[part.low, part.high, part.origin] for part in boxes])
         yaw = np.array([part.yaw for part in boxes])
         _mark_under(samples.xyz[order], samples.normals[order], order, around, own, yaw, covered)
     return covered
+
+
+def _is_box(part: Part) -> bool:
+    """Return whether a part is one box: 12 triangles between 8 corners."""
+    return len(part.triangles) == 12 and len(np.unique(part.triangles.reshape(-1, 3).round(5), axis=0)) == 8
 
 
 @njit(cache=True, nogil=True)
@@ -144,7 +152,7 @@ def _mark_under(
 
 
 def _seen(
-    mesh: Mesh, grid: RoomGrid, samples: Samples, tripods: NDArray[np.float64], rng: np.random.Generator
+    mesh: Mesh, grid: RoomGrid, samples: Samples, tripods: NDArray[np.float64]
 ) -> tuple[Samples, NDArray[np.int8]]:
     """Keep the points that a tripod sees, fewer where it looks from afar or at a flat angle; turn normals to it."""
     tripod = np.full(len(samples.xyz), -1, np.int8)
@@ -156,8 +164,7 @@ def _seen(
     views = np.zeros(len(first), np.uint16)
     closed = mesh.is_closed[samples.part]
     _look_out(samples.xyz[first], samples.normals[first], closed[first], tripods, grid.low, grid.distance, views)
-    draws = rng.random(len(cell), np.float32)
-    _choose_viewer(samples.xyz, samples.normals, closed, views, own, tripods, draws, tripod)
+    _choose_viewer(samples.xyz, samples.normals, closed, views, own, tripods, samples.rank, tripod)
     seen = tripod >= 0
     samples, tripod = samples.chosen(seen), tripod[seen]
     towards = tripods.astype(np.float32)[tripod] - samples.xyz
@@ -220,23 +227,31 @@ def _choose_viewer(
             facing = (dx * normals[row, 0] + dy * normals[row, 1] + dz * normals[row, 2]) / np.sqrt(square + 1e-9)
             if is_closed[row] and facing < 0.02:
                 continue
-            need -= min(0.2 + 2.2 * abs(facing) / (1.0 + square / 9.0), 1.0)
+            need -= min(0.4 + 2.2 * abs(facing) / (1.0 + square / 9.0), 1.0)
             if need <= 0:
                 tripod[row] = view
                 break
 
 
 def _gaps(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Return which points the scanner loses: on dark and shiny parts, and in patches of some rooms."""
-    patterns = [part.material.pattern for part in mesh.parts]
-    dark = np.array([sum(part.material.base) < 130 for part in mesh.parts])
-    shiny = np.array([pattern in ("metal", "screen", "marble") for pattern in patterns])
-    loss = (0.1 * dark + 0.06 * shiny).astype(np.float32)[samples.part] * rng.uniform(0.3, 2.5)
-    seed = np.full(len(samples.xyz), int(rng.integers(1 << 31)), np.uint32)
-    if rng.random() < 0.4:
-        loss = loss + np.clip(fbm(samples.xyz, rng.uniform(0.6, 2.5), seed, 3) - rng.uniform(0.7, 0.8), 0, 1) * 12
-    lost: NDArray[np.bool_] = rng.random(len(loss), np.float32) < loss
-    return lost
+    """Return which points the scanner loses: patches of what is dark or shiny, and half of all glass."""
+    materials = [part.material for part in mesh.parts]
+    dark = np.array([sum(material.base) < 130 for material in materials])
+    shiny = np.array([material.pattern in ("metal", "screen", "marble") for material in materials])
+    size = (0.12 * dark + 0.2 * shiny) * rng.uniform(0.2, 1.2)  # about the share of points that are lost
+    is_lost = rng.random(mesh.is_glass.sum()) < 0.12  # whole windows
+    size[mesh.is_glass] = np.where(is_lost, 1.2, rng.uniform(0.03, 0.4))
+    size += 0.03 if rng.random() < 0.08 else 0.0
+    seed = np.array([material.seed & 0xFFFFFFFF for material in materials], np.uint32)
+    holes = np.zeros(len(samples.xyz), np.bool_)
+    rows = np.flatnonzero(size[samples.part] > 0)
+    part = samples.part[rows]
+    frequency = np.where(mesh.is_glass, 1.4, 2.5).astype(np.float32)[part]
+    field = fbm(samples.xyz[rows], frequency, seed[part] + np.uint32(int(rng.integers(1 << 16))), 3)
+    field += np.float32(0.03) * rng.random(len(rows), np.float32)  # ragged edges
+    level = _MIDDLE + _SPREAD * ndtri(np.clip(size, 1e-6, 1 - 1e-6))
+    holes[rows] = field < level[part]
+    return holes
 
 
 def _warped(samples: Samples, rng: np.random.Generator) -> Floats:

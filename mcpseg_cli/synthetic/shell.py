@@ -15,6 +15,8 @@ from mcpseg_cli.synthetic.plan import Fixture, Opening, Room
 from mcpseg_cli.synthetic.solids import Item, Part, Triangles, box, circle, part_of, prism, quad, shifted, tube
 from mcpseg_cli.synthetic.styles import Style, paint, pick_colour, pick_metal, pick_wood
 
+_MAIN_FLOOR = 0.7  # share of rooms that have the building's main covering for sure
+
 
 def build_shell(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
     """Build everything of a room but its furniture.
@@ -29,14 +31,16 @@ def build_shell(room: Room, style: Style, rng: np.random.Generator) -> list[Item
         clutter (lamps, blinds, radiators, ducts, pipes, sockets, signs, extinguishers). Parts that glow are the lights.
     """
     daylight = rng.uniform(*style.daylight) * (0.15 if rng.random() < 0.15 else 1.0)
-    wall = _wall_paint(style, rng)
-    trim = paint(pick_colour(((225, 222, 214), (70, 66, 62), (120, 116, 110), style.wood[0]), rng), rng)
-    skirting = rng.uniform(0.06, 0.14) if rng.random() < 0.75 else 0.0
-    items = [_floor(room, style, rng)]
-    items += build_ceiling(room, style, rng)
-    dado = _dado(room, style, rng)
+    is_hall = room.kind == "hallway"
+    finish = np.random.default_rng(style.hall_seed) if is_hall else rng  # all corridors look the same
+    wall = _wall_paint(style, finish)
+    trim = paint(pick_colour(((225, 222, 214), (70, 66, 62), (120, 116, 110), style.wood[0]), finish), finish)
+    skirting = finish.uniform(0.06, 0.14) if finish.random() < 0.75 else 0.0
+    items = [_floor(room, style, rng, finish)]
+    items += build_ceiling(room, style, rng, finish)
+    dado = _dado(room, style, finish)
     for side in range(4):
-        face = wall if rng.random() > style.feature_walls else _feature(style, rng)
+        face = wall if is_hall or rng.random() > style.feature_walls else _feature(style, rng)
         items.append(_wall(room, side, face, trim, skirting, dado))
     items += _fixtures(room, wall, trim, skirting, style, rng)
     items += build_doors(room, style, rng)
@@ -85,11 +89,11 @@ def _feature(style: Style, rng: np.random.Generator) -> Material:
     return paint(pick_colour(style.accents, rng), rng, "plaster", 0.6)
 
 
-def _floor(room: Room, style: Style, rng: np.random.Generator) -> Item:
-    """Lay the floor, out to the middle of the walls in doors and passages."""
+def _floor(room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator) -> Item:
+    """Lay the floor, out to the middle of the walls in doors and passages; ``finish`` draws the covering."""
     choices = style.hall_floors if room.kind in ("hallway", "WC", "storage", "copyRoom", "lobby") else style.floors
-    covering = choices[int(rng.integers(len(choices)))] if rng.random() < 0.5 else choices[0]
-    covering = replace(covering, seed=int(rng.integers(1 << 30)))
+    covering = choices[int(finish.integers(len(choices)))] if finish.random() > _MAIN_FLOOR else choices[0]
+    covering = replace(covering, seed=int(finish.integers(1 << 30)))
     (x0, y0), (x1, y1) = room.low, room.high
     parts = [part_of(quad((x0, y0, 0), (x1 - x0, 0, 0), (0, y1 - y0, 0)), covering)]
     strip = paint((120, 116, 108), rng, "metal") if rng.random() < 0.5 else covering

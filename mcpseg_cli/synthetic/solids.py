@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,11 +170,6 @@ def area_of(triangles: Triangles) -> NDArray[np.float64]:
     sides = triangles[:, 1:] - triangles[:, :1]
     areas: NDArray[np.float64] = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return areas
-
-
-def all_parts(items: Iterable[Item]) -> list[Part]:
-    """Return the parts of all objects, in order."""
-    return [part for item in items for part in item.parts]
 
 
 def _turn(yaw: float) -> NDArray[np.float64]:

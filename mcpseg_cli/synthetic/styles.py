@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 
 from mcpseg_cli.synthetic.materials import Colour, Material, Pattern
-from mcpseg_cli.synthetic.plan import RoomKind
+from mcpseg_cli.synthetic.plan import CeilingKind, RoomKind
 
-CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
 LampKind = Literal["panel", "strip", "pendant", "downlight", "globe", "trough"]
 DoorKind = Literal["wood", "painted", "steel", "glazed", "panelled"]
 Glazing = Literal["single", "band", "full"]
@@ -52,6 +51,7 @@ class Style:
         exposure: Exposure of the camera, lowest and highest; 1 is right.
         kinds: How often each kind of room occurs.
         corridors: Shapes of the corridor network.
+        hall_seed: What the floor, walls and ceiling that all corridors share are drawn from.
     """
 
     name: str
@@ -84,6 +84,7 @@ class Style:
     exposure: tuple[float, float] = (0.7, 1.2)
     kinds: tuple[tuple[RoomKind, float], ...] = (("office", 1.0),)
     corridors: tuple[CorridorShape, ...] = ("straight", "L", "U", "T", "loop")
+    hall_seed: int = 0
 
 
 def pick_colour(colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0) -> Colour:

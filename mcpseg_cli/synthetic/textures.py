@@ -94,7 +94,7 @@ def paint_surface(pattern: Pattern, surface: Surface, rng: np.random.Generator) 
         share, light = _PAINTERS[pattern](surface, rng)
         colour = surface.base + np.clip(share, 0, 1)[:, None] * (surface.accent - surface.base)
     dirt = fbm(surface.xyz, 0.9, surface.seed + np.uint32(77), 2)
-    light = light * (0.93 + 0.14 * dirt) * (1 + rng.normal(0, 0.015, len(light)).astype(np.float32))
+    light = light * (0.96 + 0.08 * dirt) * (1 + rng.normal(0, 0.015, len(light)).astype(np.float32))
     painted: Floats = np.clip(colour * light[:, None], 0, 255).astype(np.float32)
     return painted
 
@@ -117,7 +117,7 @@ def _plain(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _plaster(s: Surface, rng: np.random.Generator) -> Shades:
     blotches = fbm(s.xyz, 1.2, s.seed, 4)
-    return 0.35 * np.clip(blotches - 0.45, 0, 1), 0.95 + 0.1 * fbm(s.xyz, 25.0, s.seed + np.uint32(9), 2)
+    return 0.12 * np.clip(blotches - 0.45, 0, 1), 0.97 + 0.06 * fbm(s.xyz, 25.0, s.seed + np.uint32(9), 2)
 
 
 def _carpet(s: Surface, rng: np.random.Generator) -> Shades:
@@ -229,23 +229,27 @@ def _metal(s: Surface, rng: np.random.Generator) -> Shades:
 
 
 def _glass(s: Surface, rng: np.random.Generator) -> Shades:
-    outside = fbm(s.xyz, 1.1, s.seed, 4)
+    """The outside, or the room mirrored: brighter towards the top, soft shapes and streaks."""
+    outside = fbm(s.xyz, 1.1, s.seed, 2)
     height = np.clip((s.xyz[:, 2] - 0.6) / 1.6, 0, 1)
-    streak = fbm(s.xyz * np.array([1, 1, 0.2], np.float32), 6.0, s.seed + np.uint32(2), 2)
-    return np.clip(1.6 * (height - 0.3) + 3 * (outside - 0.5), 0, 1), (
-        0.55 + 0.45 * height + 0.5 * (outside - 0.4) + 0.2 * streak
-    ).astype(np.float32)
+    streak = fbm(s.xyz * np.array([1, 1, 0.15], np.float32), 3.0, s.seed + np.uint32(2), 2)
+    share = 0.9 * height + 1.2 * (outside - 0.5)
+    return np.clip(share, 0, 1), (0.7 + 0.3 * height + 0.3 * (outside - 0.5) + 0.2 * (streak - 0.5)).astype(np.float32)
 
 
 def _screen(s: Surface, rng: np.random.Generator) -> Shades:
+    """Dark ones mirror the room smoothly; lit ones show windows with a title, lines of text and a task bar."""
     u, v = s.plane()
-    column, _ = _cells(u, 0.17)
-    row, _ = _cells(v, 0.12)
-    line, _ = _cells(v, 0.012)
-    word, _ = _cells(u, 0.03)
-    pane = hash01(column, row, s.seed)
-    text = hash01(word, line, s.seed) > 0.6
-    return np.where(pane > 0.45, 0.85 - 0.4 * text, 0.1).astype(np.float32), 0.8 + 0.4 * pane
+    mirrored = np.clip(3.0 * (fbm(s.xyz, 2.5, s.seed, 2) - 0.45), 0, 1) * 0.7
+    column, along = _cells(u - s.middle[:, 0], 0.27)
+    row, up = _cells(v - s.middle[:, 2], 0.22)
+    is_window = hash01(column, row, s.seed) > 0.35
+    line, _ = _cells(v, 0.05)
+    text = (hash01(column, line, s.seed + np.uint32(1)) > 0.5) & (along < 0.7)
+    shown = np.where(up > 0.85, 0.2, np.where(text, 0.72, 1.0)) * (along < 0.94)
+    is_lit = s.base.mean(axis=1) > 60
+    share = np.where(is_lit, np.where(is_window, shown, 0.15 * along + 0.1 * up), mirrored)
+    return share.astype(np.float32), np.where(is_lit, 1.05, 0.9 + 0.3 * mirrored).astype(np.float32)
 
 
 def _foliage(s: Surface, rng: np.random.Generator) -> Shades:

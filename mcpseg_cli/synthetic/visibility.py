@@ -120,7 +120,7 @@ def is_clear(x: float, y: float, z: float, to_x: float, to_y: float, to_z: float
         step = 1.0
         if 0 <= i < distance.shape[0] and 0 <= j < distance.shape[1] and 0 <= k < distance.shape[2]:
             free = distance[i, j, k]
-            if free == 0 and gone > 2.0:
+            if free == 0 and gone > TOLERANCE:
                 return False
             step = max(float(free) - 1.0, 0.6)
         gone += step

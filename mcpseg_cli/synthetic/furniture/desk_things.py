@@ -25,8 +25,16 @@ def screen_parts(width: float, casing: Material, rng: np.random.Generator, *, cu
     rim = 0.008 / width
     glass = shell(np.stack([x * (1 - 2 * rim), y + 0.0115, 0.02 + z * (height - 0.03)], axis=-1), 0.002)
     bulge = boxes((-width * 0.28, -0.045, height * 0.2), (width * 0.28, -0.01, height * 0.75))
-    lit = paint((24, 26, 30) if rng.random() < 0.65 else (90, 130, 180), rng, "screen", 0.3)
-    return [solid(casing, body, bulge), solid(lit, glass)]
+    return [solid(casing, body, bulge), solid(_screen_face(rng, 0.35), glass)]
+
+
+def _screen_face(rng: np.random.Generator, lit: float) -> Material:
+    """Make the face of a screen: dark and glossy, or lit as often as ``lit``."""
+    seed = int(rng.integers(1 << 30))
+    if rng.random() < lit:
+        desktop = ((70, 110, 165), (60, 120, 125), (90, 90, 130))[rng.integers(3)]
+        return Material("screen", desktop, (228, 231, 235), 0.3, seed)
+    return Material("screen", (24, 26, 30), (84, 90, 98), 0.3, seed)
 
 
 def monitor(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -101,12 +109,11 @@ def laptop(style: Style, rng: np.random.Generator) -> list[Part]:
     angle = rng.uniform(0.05, 0.6)
     lid = tilted(boxes((-width / 2, -0.006, 0), (width / 2, 0.002, depth)), angle)
     glass = tilted(boxes((-width / 2 + 0.01, 0.002, 0.015), (width / 2 - 0.01, 0.003, depth - 0.01)), angle)
-    lit = paint((30, 32, 36) if rng.random() < 0.5 else (120, 150, 190), rng, "screen", 0.3)
     return [
         solid(casing, base),
         solid(paint((40, 40, 42), rng), keys),
         solid(casing, shifted(lid, z=0.014)),
-        solid(lit, shifted(glass, z=0.014)),
+        solid(_screen_face(rng, 0.5), shifted(glass, z=0.014)),
     ]
 
 

@@ -54,10 +54,17 @@ def seat_at(
     rng, depth, poses = placement.rng, float(chair.bounds()[1, 1]), []
     width, deep = float(table.size[0]), float(table.size[1])
     turn = rng.normal(0, 0.25) if rng.random() < 0.7 else rng.normal(0, 0.9)
-    for under in (rng.uniform(0.1, 0.3), 0.08, -0.05, -0.2):
-        out = depth / 2 - under + pull
+    for under, step in (
+        (rng.uniform(0.1, 0.3), 0.0),
+        (0.2, 0.0),
+        (0.08, 0.25),
+        (0.08, -0.25),
+        (-0.1, 0.0),
+        (-0.2, 0.2),
+    ):
+        out = depth / 2 - under + (pull if step == 0.0 else 0.0)
         if abs(side) < 1.5:
-            x, y = table.at(along + rng.normal(0, 0.05), deep + out if side > 0 else -out)
+            x, y = table.at(along + step + rng.normal(0, 0.05), deep + out if side > 0 else -out)
             face = np.pi if side > 0 else 0.0
         else:
             x, y = table.at(np.sign(side) * (width / 2 + out), deep / 2 + along)
@@ -75,19 +82,23 @@ def seats_around(
     if round_:
         count = max(int(np.pi * width / pitch / 1.1), 2)
         for angle in rng.uniform(0, 6.28) + np.arange(count) * (2 * np.pi / count):
-            far = width / 2 + rng.uniform(-0.05, 0.35)
-            x, y = table.at(np.cos(angle) * far, deep / 2 + np.sin(angle) * far)
-            if rng.random() < 0.9:
-                placement.put(chair, about_centre(chair, x, y, table.yaw + angle + np.pi / 2 + rng.normal(0, 0.25)))
+            turn, poses = table.yaw + angle + np.pi / 2 + rng.normal(0, 0.25), []
+            for far in (rng.uniform(-0.05, 0.25), 0.1, 0.25, 0.4):
+                reach = width / 2 + far
+                poses.append(
+                    about_centre(chair, *table.at(np.cos(angle) * reach, deep / 2 + np.sin(angle) * reach), turn)
+                )
+            if rng.random() < 0.95:
+                placement.try_poses(chair, poses)
         return
     count = max(int((width - 0.2) / pitch), 1)
     for side in (1.0, -1.0):
         for number in range(count):
-            if rng.random() < 0.93:
+            if rng.random() < 0.96:
                 spread = (number - (count - 1) / 2) * (width - 0.2) / count
                 seat_at(placement, table, chair, spread, side=side, pull=float(abs(rng.normal(0, 0.12))))
     for side in (2.0, -2.0):
-        if ends and rng.random() < 0.6:
+        if ends and rng.random() < 0.8:
             seat_at(placement, table, chair, 0.0, side=side)
 
 

@@ -37,10 +37,10 @@ def furnish_lounge(placement: Placement) -> None:
         _sitting_group(placement)
     if placement.chance(0.6):
         placement.hang(make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.3), tries=10)
-    for _ in range(placement.times(area / 10)):
+    for _ in range(int(rng.integers(1, 4))):
         placement.against_wall(pick_chair(placement, ("four-leg", "cantilever", "armchair")), turn=0.3, gap=0.1)
     bookcases(placement, placement.times(0.8 + area / 22), ("low", "open", "glass"))
-    if area > 18 and placement.chance(0.7):
+    for _ in range(placement.times(area / 22)):
         meeting_corner(placement, pick_chair(placement, ("four-leg", "cantilever", "stool")))
     wall_clutter(placement, 2 + area * 0.1, ("picture", "picture", "picture", "clock"))
     floor_clutter(
@@ -125,10 +125,10 @@ def furnish_hallway(placement: Placement) -> None:
     windows(placement)
     for _ in range(placement.times(0.09 * length)):
         board(placement, ("pin board", "pin board", "whiteboard"))
-    for _ in range(placement.times(0.09 * length)):
+    for _ in range(placement.times(0.17 * length)):
         placement.against_wall(make_chair("bench", placement.style, rng))
     guest = pick_chair(placement, ("four-leg", "cantilever", "folding"))
-    for _ in range(placement.times(0.12 * length)):
+    for _ in range(placement.times(0.22 * length)):
         placement.against_wall(guest, turn=0.1)
     for _ in range(placement.times(0.1 * length)):
         placement.against_wall(

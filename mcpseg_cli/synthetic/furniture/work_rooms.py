@@ -55,24 +55,26 @@ def pick_desk(placement: Placement) -> Item:
     return make_table(str(placement.rng.choice(np.array(usual or ["desk"]))), placement.style, placement.rng)
 
 
-def work_place(placement: Placement, desk: Item, chair: Item, *, wall: bool) -> Placed | None:
-    """Place a desk at a wall or somewhere in the room, its chair before it, and what belongs on it."""
-    placed = placement.against_wall(desk, gap=0.2) if wall else None
+def work_place(
+    placement: Placement, desk: Item, chair: Item, *, wall: bool, visitor: Item | None = None
+) -> Placed | None:
+    """Place a desk at a wall or somewhere in the room, its chair before it, a visitor's behind, and what lies on it."""
+    placed = placement.against_wall(desk, gap=0.2, tries=20) if wall else None
     if placed is None:
         square = float(placement.rng.integers(4)) * np.pi / 2
-        placed = placement.freely(desk, yaw=square, margin=0.6)
+        placed = placement.freely(desk, yaw=square, margin=0.6, tries=14)
     if placed is None:
         return None
-    sat = seat_at(
+    seat_at(
         placement,
         placed,
         chair,
         placement.rng.normal(0, 0.12) * placed.size[0],
         pull=float(abs(placement.rng.normal(0, 0.2))),
     )
+    if visitor is not None:
+        seat_at(placement, placed, visitor, placement.rng.normal(0, 0.2), side=-1.0, pull=0.15)
     dress_desk(placement, placed)
-    if sat is None:
-        placement.freely(chair, tries=3)
     return placed
 
 
@@ -80,43 +82,47 @@ def furnish_office(placement: Placement) -> None:
     """Desks at walls and windows, bookcases, a board, chairs for visitors, at times a meeting table or a sofa."""
     rng, area = placement.rng, float(placement.size.prod())
     windows(placement)
-    desks = int(np.clip(round(area / rng.uniform(6, 11)), 1, 6))
+    desks = int(np.clip(round(area / rng.uniform(5, 8)), 1, 8))
     chair, desk = (
         pick_chair(placement, _SWIVEL if placement.chance(0.85) else ("four-leg", "cantilever")),
         pick_desk(placement),
     )
+    visitor = pick_chair(placement, _VISITOR)
     first = int(rng.integers(1, 4)) if area < 14 else int(rng.integers(2, 6))
     bookcases(placement, first, _SHELVES)
+    if area > 12 and placement.chance(0.9):
+        meeting_corner(placement, visitor)
     for _ in range(desks):
         if placement.chance(0.3):
             chair = pick_chair(placement, _SWIVEL)
         if placement.chance(0.3):
             desk = pick_desk(placement)
-        work_place(placement, desk, chair, wall=placement.chance(0.75))
+        work_place(placement, desk, chair, wall=placement.chance(0.65), visitor=visitor)
+    for _ in range(int(rng.integers(1, 3))):
+        placement.against_wall(visitor, turn=0.3, gap=0.1, tries=12)
     if placement.chance(0.85):
         board(placement)
-    visitor = pick_chair(placement, _VISITOR)
-    if area > 15 and placement.chance(0.6):
+    if area > 20 and placement.chance(0.6):
         meeting_corner(placement, visitor)
     if area > 15 and placement.chance(0.12):
         placement.against_wall(make_sofa(int(rng.integers(1, 4)), placement.style, rng), gap=0.06)
-    for _ in range(placement.times(3.0 + area / 4)):
-        if placement.chance(0.25):
-            visitor = pick_chair(placement, (*_VISITOR, "stool"))
-        if placement.chance(0.5):
-            placement.against_wall(visitor, turn=0.3, gap=0.1, tries=12)
-        else:
-            placement.freely(visitor, tries=10)
     bookcases(placement, placement.times(1.0 + area / 13), _SHELVES)
     office_clutter(placement, area)
 
 
 def meeting_corner(placement: Placement, chair: Item) -> None:
-    """Place a small round or square table with chairs."""
-    table = make_table(str(placement.rng.choice(["round", "round", "pedestal"])), placement.style, placement.rng)
-    placed = placement.freely(table, margin=0.5)
+    """Place a round or small table with two to four chairs, in large rooms also an oblong one with up to six."""
+    rng = placement.rng
+    is_long = float(placement.size.prod()) > 17 and placement.chance(0.6)
+    if is_long:
+        table = stand(
+            "table", meeting_parts(rng.uniform(1.3, 2.0), rng.uniform(0.75, 0.95), 0.74, placement.style, rng)
+        )
+    else:
+        table = make_table(str(rng.choice(["round", "round", "round", "pedestal"])), placement.style, rng)
+    placed = placement.freely(table, margin=0.75, tries=20, yaw=float(rng.integers(4)) * np.pi / 2)
     if placed is not None:
-        seats_around(placement, placed, chair, 0.75, round_=True)
+        seats_around(placement, placed, chair, 0.65, round_=not is_long)
         dress_top(placement, placed, ("books", "paper", "mug", "laptop", "bottle"), 2.0)
 
 
@@ -144,8 +150,8 @@ def furnish_open_plan(placement: Placement) -> None:
     screen = stand("clutter", partition_parts(desk.bounds()[1, 0] * 2, rng.uniform(1.15, 1.5), placement.style, rng))
     wide, deep = float(np.ptp(desk.bounds()[:, 0])) + 0.03, float(desk.bounds()[1, 1])
     step_along, step_across = 2 * wide + rng.uniform(1.0, 1.5), 2 * deep + rng.uniform(1.7, 2.3)
-    starts = np.arange(0.9 + wide, placement.size[along] - wide - 0.5, step_along)
-    rows = np.arange(1.0 + deep, placement.size[1 - along] - deep - 0.6, step_across)
+    starts = _spread(0.8 + wide, float(placement.size[along]) - wide - 0.8, step_along)
+    rows = _spread(1.0 + deep, float(placement.size[1 - along]) - deep - 1.0, step_across)
     for start in starts:
         for row in rows:
             if placement.chance(0.9):
@@ -153,14 +159,18 @@ def furnish_open_plan(placement: Placement) -> None:
     if placement.chance(0.7):
         board(placement, ("whiteboard", "whiteboard", "mobile", "flip chart", "pin board"))
     guest = pick_chair(placement, _VISITOR)
-    for _ in range(placement.times(area / 6)):
-        if placement.chance(0.5):
-            placement.freely(chair, tries=4)
-        else:
-            placement.against_wall(guest, turn=0.3, gap=0.1)
-    for _ in range(placement.times(area / 80)):
-        meeting_corner(placement, pick_chair(placement, _VISITOR))
+    for _ in range(1 + placement.times(area / 22)):
+        meeting_corner(placement, guest)
+    for _ in range(int(rng.integers(1, 3))):
+        placement.against_wall(guest, turn=0.3, gap=0.1)
     office_clutter(placement, area * 0.6)
+
+
+def _spread(first: float, last: float, step: float) -> Points:
+    """Return places from first to last, at least a step apart; the middle if there is no room."""
+    if last <= first:
+        return np.array([(first + last) / 2])
+    return np.linspace(first, last, 1 + int((last - first) / step))
 
 
 def _desk_block(placement: Placement, spot: tuple[float, float], along: int, pieces: tuple[Item, Item, Item]) -> None:
@@ -196,8 +206,8 @@ def furnish_meeting_room(placement: Placement) -> None:
     rng, size = placement.rng, placement.size
     windows(placement)
     along = int(np.argmax(size))
-    length = float(np.clip(size[along] - rng.uniform(2.0, 2.8), 1.4, 6.5))
-    depth = float(np.clip(size[1 - along] - rng.uniform(2.1, 2.9), 0.8, 1.6))
+    length = float(np.clip(size[along] - rng.uniform(2.2, 2.9), 1.4, 6.5))
+    depth = float(np.clip(size[1 - along] - rng.uniform(2.5, 3.1), 0.8, 1.6))
     table = stand("table", meeting_parts(length, depth, rng.uniform(0.71, 0.76), placement.style, rng))
     middle = (placement.room.low + placement.room.high) / 2
     turn = 0.0 if along == 0 else np.pi / 2
@@ -212,7 +222,7 @@ def furnish_meeting_room(placement: Placement) -> None:
         placement.hang(make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.2), tries=12)
     chair = pick_chair(placement, ("task", "cantilever", "executive", "four-leg", "armchair"))
     if placed is not None:
-        seats_around(placement, placed, chair, rng.uniform(0.68, 0.85))
+        seats_around(placement, placed, chair, rng.uniform(0.58, 0.7))
         dress_top(
             placement,
             placed,
@@ -271,6 +281,8 @@ def furnish_storage(placement: Placement) -> None:
         placed = placement.against_wall(make_table(str(rng.choice(["desk", "trestle"])), placement.style, rng))
         if placed is not None:
             dress_top(placement, placed, ("carton", "books", "printer", "monitor", "trays", "paper", "bottle"), 5)
+    for _ in range(placement.times(1.2)):
+        stack(placement, make_chair("four-leg", placement.style, rng))
     bookcases(placement, int(1 + area / 5), ("rack", "rack", "rack", "open", "cupboard"))
     kinds = (
         "carton pile",
@@ -290,8 +302,6 @@ def furnish_storage(placement: Placement) -> None:
         "bin",
     )
     floor_clutter(placement, 3 + area * (0.3 + 0.5 * placement.mess()), kinds)
-    for _ in range(placement.times(1.2)):
-        stack(placement, make_chair("four-leg", placement.style, rng))
     wall_shelves(placement, 0.6)
     wall_clutter(placement, 1.0, ("cable run", "wall box", "wall box"))
 
