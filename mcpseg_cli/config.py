@@ -8,6 +8,11 @@ NUM_CONTEXT = 50  # M: context points per point (III-B, figure 5)
 NUM_FEATURES = 6  # X Y Z R G B (III-B)
 HIDDEN = 200  # features of the intermediate layers (III-B)
 EMBEDDING = 50  # dimensions of the instance embedding (III-C)
+BATCH = 256  # N: points per batch of MCPNet (III-D)
+BASELINE_BATCH = 1024  # points per batch of the networks it is compared with, in the authors' program
+SIMILARITY = 0.9  # beta of MCPNet (IV-B)
+SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
+TRIPLET_MARGIN = 1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
 
 ContextWindow = Literal["cells", "coarse"]
 """Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
@@ -21,10 +26,12 @@ FloorRule = Literal["map", "scan-min"]
 class SegmentSettings(BaseModel):
     """Everything that decides the labels of a run; lengths in metres.
 
+    Batch size and similarity, where they are not given, are the network's own; the defaults here are MCPNet's.
+
     Attributes:
         voxel_size: Edge of a voxel of the look-up table (III-B).
         local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
-        batch_size: N, points per network batch; the class branch pools over them, so it is part of the result (III-D).
+        batch_size: N, points per network batch; networks pool over them, so it is part of the result (III-D).
         similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
         floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
         seed: Seed of the context sample and the batch order; keyed with the scan number.
@@ -34,8 +41,8 @@ class SegmentSettings(BaseModel):
 
     voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
     local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
-    batch_size: int = Field(default=256, ge=1, le=65536)
-    similarity: float = Field(default=0.9, ge=-1.0, le=1.0)
+    batch_size: int = Field(default=BATCH, ge=1, le=65536)
+    similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
     floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)
 

@@ -14,13 +14,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mcpseg_cli.clustering import Clusters, quantise
+from mcpseg_cli.clustering import Clusters, embed_classes, quantise
 from mcpseg_cli.columns import Column
-from mcpseg_cli.config import EMBEDDING, Precision, SegmentSettings
+from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.floor import floor_height
 from mcpseg_cli.formats.cloud import Labels
+from mcpseg_cli.networks.network import Network
 from mcpseg_cli.objects import MapObject, list_objects
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.state import MapRows
@@ -64,7 +65,8 @@ class IncrementalSegmenter:
 
     Args:
         weights: Network and class table.
-        settings: Everything else that decides the labels.
+        settings: Everything else that decides the labels; batch size and similarity, where not given, are the network's
+            own. A network without embedding joins neighbours of one class (IV-B), whatever the similarity.
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
             where the processor computes it natively.
         device: Where the network runs, as torch names it.
@@ -81,12 +83,12 @@ class IncrementalSegmenter:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
-        self.settings = settings or SegmentSettings()
+        self.settings = _complete(settings or SegmentSettings(), weights.network)
         self.info = weights.info
         self.device = device
         self.precision = resolve_precision(precision, device)
         self.map = VoxelMap(self.settings.voxel_size)
-        self.clusters = Clusters(self.settings.similarity)
+        self.clusters = Clusters(self.settings.similarity if weights.network.has_embedding else SIMILARITY)
         self.num_scans = 0
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
@@ -222,8 +224,8 @@ class IncrementalSegmenter:
         for rows in np.split(order, ends) if len(new) else []:
             unit, logits = self._run_batches(new[rows], position, rng)
             probability, best = torch.softmax(logits, dim=1).max(dim=1)
-            embedding[rows] = unit.cpu().numpy()
             semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
+            embedding[rows] = embed_classes(semantic[rows]) if unit is None else unit.cpu().numpy()
         self._semantic.append(semantic)
         self._confidence.append(confidence)
         return embedding
@@ -231,22 +233,25 @@ class IncrementalSegmenter:
     @torch.inference_mode()
     def _run_batches(
         self, ids: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    ) -> tuple[torch.Tensor | None, torch.Tensor]:
         """Label voxels in batches of N, the last one filled up by sampling with replacement (III-B)."""
         xyz, rgb, size = self.map.xyz[ids], self.map.rgb[ids], self.settings.batch_size
         centre = torch.from_numpy(network_input(xyz, rgb, position, self._floor or 0.0)).to(self._device)
-        pooled = self._pool_context(ids, rng) if self._network.has_context else None
+        pooled = self._pool_context(ids, rng) if self._network.needs_context else None
         rows = torch.arange(len(ids))
         if len(ids) > size:  # a single batch would be filled from itself, which changes no maximum
             rows = torch.cat([rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))])
         batches = torch.split(rows.to(self._device), size)
         contexts = [None if pooled is None else pooled[batch] for batch in batches]
         outputs = list(self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts))
-        unit = torch.cat([embedding for embedding, _ in outputs])[: len(ids)]
+        units = [embedding for embedding, _ in outputs if embedding is not None]
+        unit = torch.cat(units)[: len(ids)] if units else None
         return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
 
     @torch.inference_mode()
-    def _label_batch(self, centre: torch.Tensor, pooled: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+    def _label_batch(
+        self, centre: torch.Tensor, pooled: torch.Tensor | None
+    ) -> tuple[torch.Tensor | None, torch.Tensor]:
         return self._network.label(centre, pooled)
 
     def _pool_context(self, ids: NDArray[np.int32], rng: np.random.Generator) -> torch.Tensor:
@@ -289,6 +294,12 @@ class _Stopwatch:
         now = perf_counter()
         self.ms[name] = 1e3 * (now - self._last)
         self._last = now
+
+
+def _complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
+    """Fill in what was not given by what the network was made for."""
+    own = {"batch_size": network.batch_size, "similarity": network.similarity}
+    return settings.model_copy(update={name: own[name] for name in own.keys() - settings.model_fields_set})
 
 
 def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:

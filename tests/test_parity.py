@@ -20,11 +20,20 @@ _CHECKPOINTS = {
 def test_network_outputs_equal_the_authors(shared_folder, name):
     answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
     network, _ = import_checkpoint(shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt")
-    context = torch.from_numpy(answers["context"]) if network.has_context else None
+    context = torch.from_numpy(answers["context"]) if network.needs_context else None
     with torch.inference_mode():
         embedding, logits = network(torch.from_numpy(answers["center"]), context)
     np.testing.assert_allclose(embedding.numpy(), answers[f"{name}_embedding"], rtol=0, atol=1e-4)
     np.testing.assert_allclose(logits.numpy(), answers[f"{name}_logits"], rtol=0, atol=1e-4)
+
+
+def test_voxnet_outputs_equal_the_authors(shared_folder):
+    answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
+    network, info = import_checkpoint(shared_folder / "reference/checkpoints/voxnet_model_s3dis_5.ckpt")
+    assert info.architecture == "voxnet"
+    with torch.inference_mode():
+        _, logits = network(torch.from_numpy(answers["voxnet_points"]))
+    np.testing.assert_allclose(logits.numpy(), answers["voxnet_5_logits"], rtol=0, atol=1e-4)
 
 
 def segment_building(shared_folder, tmp_path, area: int, precision: str) -> None:

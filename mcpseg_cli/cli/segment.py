@@ -49,8 +49,12 @@ def segment(
         typer.Option("--range", metavar="METRES", help="Label points up to this far from the robot, horizontally."),
     ] = 2.0,
     similarity: Annotated[
-        float, typer.Option(help="Cosine similarity, -1 to 1, above which neighbours join one object.")
-    ] = 0.9,
+        float | None,
+        typer.Option(
+            help="Cosine similarity, -1 to 1, above which neighbours join one object; default: the network's own, "
+            "0.9 for MCPNet. Networks without embedding join neighbours of one class instead."
+        ),
+    ] = None,
     floor: Annotated[
         str,
         typer.Option(
@@ -181,7 +185,9 @@ class _Interrupt:
         self.asked = True
 
 
-def _settings(voxel_size: float, local_range: float, similarity: float, floor: str, seed: int) -> SegmentSettings:
+def _settings(
+    voxel_size: float, local_range: float, similarity: float | None, floor: str, seed: int
+) -> SegmentSettings:
     """Check the options that decide the labels."""
     from pydantic import ValidationError
 
@@ -192,15 +198,8 @@ def _settings(voxel_size: float, local_range: float, similarity: float, floor: s
     except ValueError:
         height = floor
     try:
-        return SegmentSettings.model_validate(
-            {
-                "voxel_size": voxel_size,
-                "local_range": local_range,
-                "similarity": similarity,
-                "floor": height,
-                "seed": seed,
-            }
-        )
+        given = {"voxel_size": voxel_size, "local_range": local_range, "floor": height, "seed": seed}
+        return SegmentSettings.model_validate(given | ({} if similarity is None else {"similarity": similarity}))
     except ValidationError as error:
         problem = error.errors()[0]
         raise typer.BadParameter(f"{problem['loc'][0]}: {problem['msg']}") from error
