@@ -18,6 +18,7 @@ ContextWindow = Literal["cells", "coarse"]
 """Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
 a side around the point, as in the authors' program. Weights carry which of the two they were trained with."""
 
+Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
 Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]
 FloorRule = Literal["map", "scan-min"]
@@ -87,3 +88,59 @@ class RaytraceSettings(BaseModel):
         if self.lowest_deg >= self.highest_deg:
             raise ValueError("lowest_deg must be below highest_deg")
         return self
+
+
+class TrainSettings(BaseModel):
+    """Everything that decides trained weights, apart from the data.
+
+    Attributes:
+        architecture: Which network.
+        epochs: Passes over the training data (III-D).
+        batch_size: N, points per batch; None: the network's own, 256 for MCPNet (III-D).
+        learning_rate: Of Adam (III-D).
+        schedule: ``constant`` (III-D), or ``cosine``: it falls to 0 over the run.
+        warm_up: Epochs over which the learning rate rises to its value; a fraction is fine.
+        weight_decay: Decoupled from the gradient (AdamW); 0 is the paper's Adam.
+        max_gradient: Gradients longer than this are cut to it; None: never.
+        margin: alpha of the triplet loss.
+        class_weight: Weight of the class loss in the sum.
+        instance_weight: Weight of the triplet loss, or of SGPN's double hinge, in the sum.
+        confidence_weight: Weight of SGPN's confidence loss in the sum.
+        class_balance: What an error costs: the same for all classes, or by the inverse root of their frequency.
+        batches_per_epoch: An epoch ends after so many batches; None: after one of every scan.
+        batches_per_step: Batches whose gradients are averaged for one update, in each process.
+        samples_per_instance: Points taken from a random object at a time until a batch is full; 0: all points alike.
+        plain_share: Share of the training batches whose points are drawn alike even so; of validation, all are.
+        validation_batches: Most batches a validation takes; None: one of every scan.
+        validate_every: Epochs from one validation to the next; the last epoch always has one.
+        patience: Stop when so many validations in a row were no better; None: never.
+        best_by: What makes weights the best: the highest mIoU, or the lowest loss.
+        precision: Arithmetic of the network; ``bf16`` keeps parameters and losses in float32.
+        seed: Seed of first parameters, order, drop-out and augmentation.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    architecture: Architecture = "mcpnet"
+    epochs: int = Field(default=100, ge=1, le=1_000_000)
+    batch_size: int | None = Field(default=None, ge=2, le=65536)
+    learning_rate: float = Field(default=1e-3, gt=0.0, le=10.0)
+    schedule: Literal["constant", "cosine"] = "constant"
+    warm_up: float = Field(default=0.0, ge=0.0)
+    weight_decay: float = Field(default=0.0, ge=0.0, le=10.0)
+    max_gradient: float | None = Field(default=None, gt=0.0)
+    margin: float = Field(default=TRIPLET_MARGIN, gt=0.0, le=4.0)
+    class_weight: float = Field(default=1.0, ge=0.0)
+    instance_weight: float = Field(default=1.0, ge=0.0)
+    confidence_weight: float = Field(default=1.0, ge=0.0)
+    class_balance: Literal["none", "sqrt"] = "none"
+    batches_per_epoch: int | None = Field(default=None, ge=1)
+    batches_per_step: int = Field(default=1, ge=1, le=1024)
+    samples_per_instance: int = Field(default=16, ge=0, le=65536)
+    plain_share: float = Field(default=0.25, ge=0.0, le=1.0)
+    validation_batches: int | None = Field(default=None, ge=1)
+    validate_every: int = Field(default=1, ge=1)
+    patience: int | None = Field(default=None, ge=1)
+    best_by: Literal["miou", "loss"] = "miou"
+    precision: Literal["fp32", "bf16"] = "fp32"
+    seed: int = Field(default=0, ge=0, lt=1 << 63)

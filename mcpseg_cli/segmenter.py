@@ -18,7 +18,7 @@ from mcpseg_cli.clustering import Clusters, embed_classes, quantise
 from mcpseg_cli.columns import Column
 from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
-from mcpseg_cli.errors import McpsegError
+from mcpseg_cli.device import find_device
 from mcpseg_cli.floor import floor_height
 from mcpseg_cli.formats.cloud import Labels
 from mcpseg_cli.networks.network import Network
@@ -93,7 +93,7 @@ class IncrementalSegmenter:
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
         self._floor: float | None = None
-        self._device = _torch_device(device)
+        self._device = find_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(self.precision)
         self._workers = ThreadPoolExecutor(torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,))
@@ -316,17 +316,6 @@ def _cpu_has_bf16() -> bool:
     except OSError:
         return False
     return "avx512_bf16" in flags or "amx_bf16" in flags
-
-
-def _torch_device(name: str) -> torch.device:
-    try:
-        probe = torch.zeros(1, device=name)
-        probe.cpu()
-        return probe.device
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
-        raise McpsegError(
-            f"--device {name}: not available here; expected cpu or a device torch knows; use cpu"
-        ) from error
 
 
 def _near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:

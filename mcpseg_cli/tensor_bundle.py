@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from torch import nn
 
 from mcpseg_cli.classes import MCPNET_CLASSES
-from mcpseg_cli.config import HIDDEN, NUM_FEATURES
+from mcpseg_cli.config import HIDDEN, NUM_FEATURES, Architecture
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.weights import Architecture, WeightsInfo, build_network
+from mcpseg_cli.weights import WeightsInfo, build_network
 
 _FOOTER_SIZE = 48
 _MAGIC = 0xDB4775248B80FB57

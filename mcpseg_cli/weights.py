@@ -6,14 +6,13 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from mcpseg_cli.config import NUM_CONTEXT, ContextWindow
+from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
 from mcpseg_cli.errors import WeightsError, naming
 from mcpseg_cli.networks.mcpnet import MCPNet
 from mcpseg_cli.networks.network import Network
@@ -22,7 +21,6 @@ from mcpseg_cli.networks.pointnet2 import PointNet2
 from mcpseg_cli.networks.sgpn import SGPN
 from mcpseg_cli.networks.voxnet import VoxNet
 
-Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
 DEFAULT_WEIGHTS = "smoke-test"
 _METADATA = "mcpseg"
 

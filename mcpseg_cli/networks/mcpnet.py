@@ -7,6 +7,7 @@ from torch.utils.mkldnn import to_mkldnn
 
 from mcpseg_cli.config import BATCH, EMBEDDING, HIDDEN, NUM_FEATURES
 from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.pooling import PoolContext
 
 
 class MCPNet(Network):
@@ -44,6 +45,10 @@ class MCPNet(Network):
         Returns:
             (N, 200) or (B, N, 200) float32.
         """
+        if torch.is_grad_enabled() and context.device.type == "cpu" and context.dim() == 3:
+            layers = (self.context_1.weight, self.context_1.bias, self.context_2.weight, self.context_2.bias)
+            maxima: Tensor = PoolContext.apply(context, *layers)  # type: ignore[no-untyped-call]
+            return maxima
         points = context.reshape(-1, NUM_FEATURES)  # (N·K, 6)
         points = points.to_mkldnn() if self._pools_in_onednn else points.to(self.context_1.weight.dtype)
         points = self.context_2(self.context_1(points).relu_())  # (N·K, 200)
