@@ -11,13 +11,13 @@ PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building"},
     {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
-    {"context", "networks", "losses"},
-    {"state", "objects", "weights", "tensor_bundle", "evaluation"},
+    {"context", "networks", "losses", "replay", "augmentation"},
+    {"state", "objects", "weights", "tensor_bundle", "evaluation", "sample_cache", "samples"},
     {"labelled_map", "segmenter", "run_folder"},
     {"segment_run"},
     {"cli"},
 ]
-TORCH = {"networks", "losses", "context", "weights", "segmenter", "tensor_bundle"}
+TORCH = {"networks", "losses", "weights", "segmenter", "tensor_bundle"}
 MODULES = sorted(
     path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py" and path.parent.name != "__pycache__"
 )
