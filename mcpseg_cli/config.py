@@ -144,3 +144,102 @@ class TrainSettings(BaseModel):
     best_by: Literal["miou", "loss"] = "miou"
     precision: Literal["fp32", "bf16"] = "fp32"
     seed: int = Field(default=0, ge=0, lt=1 << 63)
+
+
+class SampleSettings(BaseModel):
+    """Everything that decides the training samples of an area; lengths in metres.
+
+    Voxels, range and floor must be those of ``SegmentSettings``, or training sees what segmentation does not.
+
+    Attributes:
+        voxel_size: Edge of a voxel of the look-up table (III-B).
+        local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
+        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
+        context_window: Where context points come from.
+        num_context: M, context points per point (III-B).
+        seen_again: Of the voxels a scan sees again, how many become samples once more: a later look has more context.
+        seed: Seed of the context sample and of the choice among voxels seen again; keyed with the scan number.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
+    local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
+    floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
+    context_window: ContextWindow = "cells"
+    num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
+    seen_again: int = Field(default=256, ge=0, le=1 << 20)
+    seed: int = Field(default=0, ge=0, lt=1 << 63)
+
+
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class AugmentSettings(BaseModel):
+    """How training batches are changed, each anew; 0 turns a part off. Lengths in metres, colours in 0-255.
+
+    Where nothing else is said, a number is the half-width of a uniform distribution, ``gain: 0.3`` being a factor of
+    ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``, ``thinning`` and
+    ``floor_lost`` are shares of the batches. The rest, where nothing else is said, is the half-width of a uniform
+    distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.
+
+    Attributes:
+        turn_deg: Angle about the vertical through the robot.
+        mirror: Mirrored across a vertical plane through the robot.
+        scale: Of everything, around the robot's foot.
+        height_scale: Of heights, on top of that.
+        jitter: Largest standard deviation of a displacement of every point; real sensors and poses scatter.
+        robot_offset: Of the robot's position, each way: sensors are carried off the robot's centre.
+        floor_error: Standard deviation of the floor's height, which is estimated where there is no truth.
+        floor_lost: Floor farther off: as where no floor is in view.
+        floor_lost_by: Largest error then; the smallest is a third of it.
+        gain: Factor of all colours: exposure.
+        channel_gain: Factor of each colour channel: white balance.
+        contrast: Factor of the distance from the mean colour.
+        offset: Added to all colours.
+        gamma: Exponent of the colours, as a power of e: 0.3 is an exponent of 0.74 to 1.35.
+        hue_deg: Turn of the colours about the grey axis.
+        light_gradient: Brightness that falls off to one side, as a power of e per metre: badly lit rooms.
+        colour_noise: Largest standard deviation of every point's colour.
+        luminance: Colours dropped to their luminance.
+        grey: All colours set to the grey that a scan without colour has.
+        context_dropout: A part of each point's context replaced by repeating the rest: sparse maps.
+        context_dropout_share: Largest part replaced.
+        same_scan: Only context that this scan sees: nothing remembered from earlier ones.
+        partial_view: A half-space or a sector around the robot cut away, from the points and their context.
+        thinning: Voxels dropped at random, from the points and their context.
+        thinning_share: Largest part dropped.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    turn_deg: float = Field(default=180.0, ge=0.0, le=180.0)
+    mirror: _Share = 0.5
+    scale: float = Field(default=0.1, ge=0.0, le=0.5)
+    height_scale: float = Field(default=0.04, ge=0.0, le=0.5)
+    jitter: float = Field(default=0.015, ge=0.0, le=1.0)
+    robot_offset: float = Field(default=0.2, ge=0.0, le=10.0)
+    floor_error: float = Field(default=0.02, ge=0.0, le=1.0)
+    floor_lost: _Share = 0.1
+    floor_lost_by: float = Field(default=0.3, ge=0.0, le=10.0)
+    gain: float = Field(default=0.3, ge=0.0, le=1.0)
+    channel_gain: float = Field(default=0.1, ge=0.0, le=1.0)
+    contrast: float = Field(default=0.3, ge=0.0, le=1.0)
+    offset: float = Field(default=20.0, ge=0.0, le=255.0)
+    gamma: float = Field(default=0.3, ge=0.0, le=2.0)
+    hue_deg: float = Field(default=20.0, ge=0.0, le=180.0)
+    light_gradient: float = Field(default=0.1, ge=0.0, le=2.0)
+    colour_noise: float = Field(default=10.0, ge=0.0, le=255.0)
+    luminance: _Share = 0.1
+    grey: _Share = 0.25
+    context_dropout: _Share = 0.25
+    context_dropout_share: _Share = 0.8
+    same_scan: _Share = 0.1
+    partial_view: _Share = 0.3
+    thinning: _Share = 0.3
+    thinning_share: _Share = 0.5
+
+    @classmethod
+    def off(cls) -> Self:
+        """Return settings that change nothing."""
+        return cls.model_validate(dict.fromkeys(cls.model_fields, 0.0))

@@ -28,14 +28,12 @@ def adopt(network: Network, info: WeightsInfo, weights: Weights) -> list[str]:
     head, known = _class_head(network), _class_head(weights.network)
     rows = [(info.classes.index(name), row) for row, name in enumerate(weights.info.classes) if name in info.classes]
     with torch.no_grad():
-        fresh = (head.weight.clone(), head.bias.clone())
         for tensor, other in zip(network.parameters(), weights.network.parameters(), strict=True):
             if tensor is not head.weight and tensor is not head.bias:
                 tensor.copy_(other)
-        for parameter, own, other in zip((head.weight, head.bias), fresh, (known.weight, known.bias), strict=True):
-            for row, theirs in rows:
-                own[row] = other[theirs]
-            parameter.copy_(own)
+        for row, theirs in rows:
+            head.weight[row] = known.weight[theirs]
+            head.bias[row] = known.bias[theirs]
     return [name for name in info.classes if name not in weights.info.classes]
 
 

@@ -19,16 +19,15 @@ from mcpseg_cli.columns import Column
 from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
 from mcpseg_cli.device import find_device
-from mcpseg_cli.floor import floor_height
+from mcpseg_cli.floor import find_floor
 from mcpseg_cli.formats.cloud import Labels
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.objects import MapObject, list_objects
-from mcpseg_cli.scan import Scan
+from mcpseg_cli.scan import Scan, colour_of, near_robot
 from mcpseg_cli.state import MapRows
 from mcpseg_cli.voxel_map import VoxelMap
 from mcpseg_cli.weights import Weights, find_weights, load_weights
 
-_GREY = 128  # colour of a scan that has none: the network's colour inputs are then (almost) zero
 _CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bounds memory
 _TILE_VOXELS = 64  # voxels whose context is pooled at a time: 3,200 points with 200 features stay in a core's cache
 
@@ -128,15 +127,15 @@ class IncrementalSegmenter:
         """
         rng = np.random.default_rng((self.settings.seed, self.num_scans))
         clock = _Stopwatch()
-        near = _near_robot(scan, self.settings.local_range)
+        near = near_robot(scan, self.settings.local_range)
         first_new = len(self.map)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
-        point_ids[near] = self.map.insert(scan.xyz[near], _colour(scan, near))
+        point_ids[near] = self.map.insert(scan.xyz[near], colour_of(scan, near))
         new = np.arange(first_new, len(self.map), dtype=np.int32)
         num_seen = _count_distinct(point_ids[near & (point_ids < first_new)])
         clock.lap("insert")
         if len(near_xyz := scan.xyz[near]):
-            self._floor = self._find_floor(scan, near_xyz)
+            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
         clock.lap("floor")
         with _one_thread_per_operation():
             embedding = self._embed_and_classify(new, scan.position, rng)
@@ -150,7 +149,7 @@ class IncrementalSegmenter:
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
         """Return (N,) int32: the voxel of every point of a scan registered before, -1 for points out of range."""
-        near = _near_robot(scan, self.settings.local_range)
+        near = near_robot(scan, self.settings.local_range)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
         point_ids[near] = self.map.find(scan.xyz[near])
         return point_ids
@@ -200,16 +199,6 @@ class IncrementalSegmenter:
             self.clusters.restore(part.embedding, part.instance)
         self.clusters.restore_merges(merges)
         self.num_scans, self._floor = num_scans, floor
-
-    def _find_floor(self, scan: Scan, near_xyz: NDArray[np.float32]) -> float:
-        """Apply the floor setting; where the map shows none, the last floor holds, else the scan's lowest point."""
-        rule = self.settings.floor
-        if isinstance(rule, float):
-            return rule
-        found = floor_height(self.map, scan.position) if rule == "map" else None
-        if found is None and rule == "map":
-            found = self._floor
-        return float(near_xyz[:, 2].min()) if found is None else found
 
     def _embed_and_classify(
         self, new: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
@@ -269,7 +258,7 @@ class IncrementalSegmenter:
     def _pool_tile(self, ids: NDArray[np.int32], uniform: NDArray[np.float32]) -> torch.Tensor:
         sample = self.map.sample_context(ids, self.info.context_window, uniform)
         context = context_input(ids, sample, self.map.xyz, self.map.rgb)
-        return self._network.pool_context(context.to(self._device))
+        return self._network.pool_context(torch.from_numpy(context).to(self._device))
 
 
 @contextmanager
@@ -318,19 +307,6 @@ def _cpu_has_bf16() -> bool:
     return "avx512_bf16" in flags or "amx_bf16" in flags
 
 
-def _near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:
-    """Mark the points within range of the robot, horizontally (III-B)."""
-    offset = scan.xyz[:, :2] - scan.position[:2].astype(np.float32)
-    near: NDArray[np.bool_] = np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
-    return near
-
-
 def _count_distinct(ids: NDArray[np.int32]) -> int:
     """Count distinct ids; sorting int32 is several times faster than ``np.unique``."""
     return int(np.count_nonzero(np.diff(np.sort(ids), prepend=-1)))
-
-
-def _colour(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    if scan.rgb is None:
-        return np.full((int(near.sum()), 3), _GREY, np.uint8)
-    return scan.rgb[near]

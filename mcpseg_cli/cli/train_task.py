@@ -186,6 +186,7 @@ def _state(progress: Progress, epochs: int, rate: float, batch_size: int) -> str
 def _epoch_line(name: str, report: EpochReport) -> str:
     """Sum one epoch up."""
     line = f"mcpseg: {name}: epoch {report.epoch}: loss {report.train.loss:.3f}, class {report.train.accuracy:.1%}"
+    line += "" if report.train.embedding_accuracy is None else f", embedding {report.train.embedding_accuracy:.1%}"
     if (scores := report.validation) is not None:
         line += f"; held out: loss {scores.loss:.3f}, class {scores.accuracy:.1%}, mIoU {scores.miou or 0:.1%}"
         line += "" if scores.embedding_accuracy is None else f", embedding {scores.embedding_accuracy:.1%}"
@@ -200,7 +201,12 @@ def _rows(record: Mapping[str, JsonValue], folder: Path) -> list[tuple[str, str]
     rows.append(("epoch", f"{record['best_epoch']} of {record['epochs']}"))
     if isinstance(scores, dict):
         where = "held out" if held_out else "training"
-        names = {"loss": "loss", "accuracy": "class accuracy", "miou": "mIoU", "embedding_accuracy": "embedding accuracy"}
+        names = {
+            "loss": "loss",
+            "accuracy": "class accuracy",
+            "miou": "mIoU",
+            "embedding_accuracy": "embedding accuracy",
+        }
         values = [(label, scores[key]) for key, label in names.items()]
         rows += [(f"{label}, {where}", f"{value:.4f}") for label, value in values if isinstance(value, int | float)]
     return [*rows, ("time", f"{record['seconds']} s"), ("sha256", str(record["sha256"]))]
