@@ -167,8 +167,8 @@ def read_class_table(path: Path) -> dict[str, str]:
 
 
 def _json_pairs(text: str) -> list[tuple[str, str]]:
-    document = json.loads(text, object_pairs_hook=list)
-    if not isinstance(document, list) or not all(isinstance(name, str) for pair in document for name in pair):
+    document = json.loads(text, object_pairs_hook=tuple)  # keeps labels that are given twice
+    if not isinstance(document, tuple) or not all(isinstance(name, str) for pair in document for name in pair):
         raise ValueError("values that are not texts")
     return [(label.strip(), name.strip()) for label, name in document]
 

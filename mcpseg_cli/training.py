@@ -196,7 +196,7 @@ class Trainer:
         scores = self._tally.scores()
         report = EpochReport(
             epoch=len(self.curves) + 1,
-            learning_rate=self._optimiser.param_groups[0]["lr"],
+            learning_rate=learning_rate(self.num_steps_done - 1, self.num_steps, self.settings),
             seconds=round(perf_counter() - started, 3),
             train=scores,
             validation=validation,
