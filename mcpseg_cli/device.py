@@ -5,6 +5,11 @@ import torch
 from mcpseg_cli.errors import McpsegError
 
 
+def use_threads(count: int) -> None:
+    """Let torch use so many threads on the processor; where others want the cores too, one is often the fastest."""
+    torch.set_num_threads(count)
+
+
 def find_device(name: str) -> torch.device:
     """Find the device that torch calls so.
 

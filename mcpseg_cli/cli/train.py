@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import Device, Json, Overwrite, Quiet, Seed
+from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet, Seed
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -133,6 +133,7 @@ def train(
     ] = 10,
     keep_checkpoint: Annotated[bool, typer.Option("--keep-checkpoint", help="Also when done.")] = False,
     tensorboard: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Log curves for TensorBoard.")] = None,
+    jobs: Jobs = None,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -186,9 +187,12 @@ def train(
 
     from mcpseg_cli.cli.train_task import TaskOptions, TrainTask
     from mcpseg_cli.config import SampleSettings
+    from mcpseg_cli.device import use_threads
     from mcpseg_cli.train_data import DataSettings
     from mcpseg_cli.train_run import TrainFiles, network_batch_size
 
+    if jobs is not None:
+        use_threads(jobs)
     initial = _initial(init)
     given_window = window.value if window else initial.info.context_window if initial else "cells"
     given_context = context if context is not None else initial.info.num_context if initial else 50

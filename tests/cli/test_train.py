@@ -88,7 +88,6 @@ def test_the_card_says_what_the_weights_are(trained):
         "more/Area_2 (4 scans",
         *CLASSES,
         "`learning_rate` 0.001",
-        "--holdout 2",
     ):
         assert word in card
     assert weights.info.classes == CLASSES
