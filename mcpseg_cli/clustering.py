@@ -117,6 +117,23 @@ def quantise(embedding: NDArray[np.float32]) -> NDArray[np.int16]:
     return steps.astype(np.int16)
 
 
+def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Stand in for the embedding of networks that have none, so that neighbours of one class connect (IV-B).
+
+    Args:
+        semantic: (M,) uint8 class index.
+
+    Returns:
+        (M, E) float32 unit vectors: the bits of the class as signs, again and again. The cosine similarity is 1 within
+        a class, and 0.75 or less between two.
+    """
+    signs = 2 * np.unpackbits(semantic[:, None], axis=1).astype(np.float32) - 1  # (M, 8)
+    repeats = EMBEDDING // signs.shape[1]
+    embedding = np.zeros((len(semantic), EMBEDDING), np.float32)
+    embedding[:, : 8 * repeats] = np.tile(signs, repeats) / np.sqrt(np.float32(8 * repeats))
+    return embedding
+
+
 @njit(cache=True)
 def resolve(instance: NDArray[np.int32], survivor: NDArray[np.int32]) -> NDArray[np.int32]:
     """Bring object ids up to date with the merges since.

@@ -8,11 +8,17 @@ NUM_CONTEXT = 50  # M: context points per point (III-B, figure 5)
 NUM_FEATURES = 6  # X Y Z R G B (III-B)
 HIDDEN = 200  # features of the intermediate layers (III-B)
 EMBEDDING = 50  # dimensions of the instance embedding (III-C)
+BATCH = 256  # N: points per batch of MCPNet (III-D)
+BASELINE_BATCH = 1024  # points per batch of the networks it is compared with, in the authors' program
+SIMILARITY = 0.9  # beta of MCPNet (IV-B)
+SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
+TRIPLET_MARGIN = 1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
 
 ContextWindow = Literal["cells", "coarse"]
 """Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
 a side around the point, as in the authors' program. Weights carry which of the two they were trained with."""
 
+Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
 Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]
 FloorRule = Literal["map", "scan-min"]
@@ -21,10 +27,12 @@ FloorRule = Literal["map", "scan-min"]
 class SegmentSettings(BaseModel):
     """Everything that decides the labels of a run; lengths in metres.
 
+    Batch size and similarity, where they are not given, are the network's own; the defaults here are MCPNet's.
+
     Attributes:
         voxel_size: Edge of a voxel of the look-up table (III-B).
         local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
-        batch_size: N, points per network batch; the class branch pools over them, so it is part of the result (III-D).
+        batch_size: N, points per network batch; networks pool over them, so it is part of the result (III-D).
         similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
         floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
         seed: Seed of the context sample and the batch order; keyed with the scan number.
@@ -34,8 +42,8 @@ class SegmentSettings(BaseModel):
 
     voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
     local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
-    batch_size: int = Field(default=256, ge=1, le=65536)
-    similarity: float = Field(default=0.9, ge=-1.0, le=1.0)
+    batch_size: int = Field(default=BATCH, ge=1, le=65536)
+    similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
     floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)
 
@@ -80,3 +88,158 @@ class RaytraceSettings(BaseModel):
         if self.lowest_deg >= self.highest_deg:
             raise ValueError("lowest_deg must be below highest_deg")
         return self
+
+
+class TrainSettings(BaseModel):
+    """Everything that decides trained weights, apart from the data.
+
+    Attributes:
+        architecture: Which network.
+        epochs: Passes over the training data (III-D).
+        batch_size: N, points per batch; None: the network's own, 256 for MCPNet (III-D).
+        learning_rate: Of Adam (III-D).
+        schedule: ``constant`` (III-D), or ``cosine``: it falls to 0 over the run.
+        warm_up: Epochs over which the learning rate rises to its value; a fraction is fine.
+        weight_decay: Decoupled from the gradient (AdamW); 0 is the paper's Adam.
+        max_gradient: Gradients longer than this are cut to it; None: never.
+        margin: alpha of the triplet loss.
+        class_weight: Weight of the class loss in the sum.
+        instance_weight: Weight of the triplet loss, or of SGPN's double hinge, in the sum.
+        confidence_weight: Weight of SGPN's confidence loss in the sum.
+        class_balance: What an error costs: the same for all classes, or by the inverse root of their frequency.
+        batches_per_epoch: An epoch ends after so many batches; None: after one of every scan.
+        batches_per_step: Batches whose gradients are averaged for one update, in each process.
+        samples_per_instance: Points taken from a random object at a time until a batch is full; 0: all points alike.
+        plain_share: Share of the training batches whose points are drawn alike even so; of validation, all are.
+        validation_batches: Most batches a validation takes; None: one of every scan.
+        validate_every: Epochs from one validation to the next; the last epoch always has one.
+        patience: Stop when so many validations in a row were no better; None: never.
+        best_by: What makes weights the best: the highest mIoU, or the lowest loss.
+        precision: Arithmetic of the network; ``bf16`` keeps parameters and losses in float32.
+        seed: Seed of first parameters, order, drop-out and augmentation.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    architecture: Architecture = "mcpnet"
+    epochs: int = Field(default=100, ge=1, le=1_000_000)
+    batch_size: int | None = Field(default=None, ge=2, le=65536)
+    learning_rate: float = Field(default=1e-3, gt=0.0, le=10.0)
+    schedule: Literal["constant", "cosine"] = "constant"
+    warm_up: float = Field(default=0.0, ge=0.0)
+    weight_decay: float = Field(default=0.0, ge=0.0, le=10.0)
+    max_gradient: float | None = Field(default=None, gt=0.0)
+    margin: float = Field(default=TRIPLET_MARGIN, gt=0.0, le=4.0)
+    class_weight: float = Field(default=1.0, ge=0.0)
+    instance_weight: float = Field(default=1.0, ge=0.0)
+    confidence_weight: float = Field(default=1.0, ge=0.0)
+    class_balance: Literal["none", "sqrt"] = "none"
+    batches_per_epoch: int | None = Field(default=None, ge=1)
+    batches_per_step: int = Field(default=1, ge=1, le=1024)
+    samples_per_instance: int = Field(default=16, ge=0, le=65536)
+    plain_share: float = Field(default=0.25, ge=0.0, le=1.0)
+    validation_batches: int | None = Field(default=None, ge=1)
+    validate_every: int = Field(default=1, ge=1)
+    patience: int | None = Field(default=None, ge=1)
+    best_by: Literal["miou", "loss"] = "miou"
+    precision: Literal["fp32", "bf16"] = "fp32"
+    seed: int = Field(default=0, ge=0, lt=1 << 63)
+
+
+class SampleSettings(BaseModel):
+    """Everything that decides the training samples of an area; lengths in metres.
+
+    Voxels, range and floor must be those of ``SegmentSettings``, or training sees what segmentation does not.
+
+    Attributes:
+        voxel_size: Edge of a voxel of the look-up table (III-B).
+        local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
+        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
+        context_window: Where context points come from.
+        num_context: M, context points per point (III-B).
+        seen_again: Of the voxels a scan sees again, how many become samples once more: a later look has more context.
+        seed: Seed of the context sample and of the choice among voxels seen again; keyed with the scan number.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
+    local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
+    floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
+    context_window: ContextWindow = "cells"
+    num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
+    seen_again: int = Field(default=256, ge=0, le=1 << 20)
+    seed: int = Field(default=0, ge=0, lt=1 << 63)
+
+
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class AugmentSettings(BaseModel):
+    """How training batches are changed, each anew; 0 turns a part off. Lengths in metres, colours in 0-255.
+
+    Where nothing else is said, a number is the half-width of a uniform distribution, ``gain: 0.3`` being a factor of
+    ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``, ``thinning`` and
+    ``floor_lost`` are shares of the batches. The rest, where nothing else is said, is the half-width of a uniform
+    distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.
+
+    Attributes:
+        turn_deg: Angle about the vertical through the robot.
+        mirror: Mirrored across a vertical plane through the robot.
+        scale: Of everything, around the robot's foot.
+        height_scale: Of heights, on top of that.
+        jitter: Largest standard deviation of a displacement of every point; real sensors and poses scatter.
+        robot_offset: Of the robot's position, each way: sensors are carried off the robot's centre.
+        floor_error: Standard deviation of the floor's height, which is estimated where there is no truth.
+        floor_lost: Floor farther off: as where no floor is in view.
+        floor_lost_by: Largest error then; the smallest is a third of it.
+        gain: Factor of all colours: exposure.
+        channel_gain: Factor of each colour channel: white balance.
+        contrast: Factor of the distance from the mean colour.
+        offset: Added to all colours.
+        gamma: Exponent of the colours, as a power of e: 0.3 is an exponent of 0.74 to 1.35.
+        hue_deg: Turn of the colours about the grey axis.
+        light_gradient: Brightness that falls off to one side, as a power of e per metre: badly lit rooms.
+        colour_noise: Largest standard deviation of every point's colour.
+        luminance: Colours dropped to their luminance.
+        grey: All colours set to the grey that a scan without colour has.
+        context_dropout: A part of each point's context replaced by repeating the rest: sparse maps.
+        context_dropout_share: Largest part replaced.
+        same_scan: Only context that this scan sees: nothing remembered from earlier ones.
+        partial_view: A half-space or a sector around the robot cut away, from the points and their context.
+        thinning: Voxels dropped at random, from the points and their context.
+        thinning_share: Largest part dropped.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    turn_deg: float = Field(default=180.0, ge=0.0, le=180.0)
+    mirror: _Share = 0.5
+    scale: float = Field(default=0.1, ge=0.0, le=0.5)
+    height_scale: float = Field(default=0.04, ge=0.0, le=0.5)
+    jitter: float = Field(default=0.015, ge=0.0, le=1.0)
+    robot_offset: float = Field(default=0.2, ge=0.0, le=10.0)
+    floor_error: float = Field(default=0.02, ge=0.0, le=1.0)
+    floor_lost: _Share = 0.1
+    floor_lost_by: float = Field(default=0.3, ge=0.0, le=10.0)
+    gain: float = Field(default=0.3, ge=0.0, le=1.0)
+    channel_gain: float = Field(default=0.1, ge=0.0, le=1.0)
+    contrast: float = Field(default=0.3, ge=0.0, le=1.0)
+    offset: float = Field(default=20.0, ge=0.0, le=255.0)
+    gamma: float = Field(default=0.3, ge=0.0, le=2.0)
+    hue_deg: float = Field(default=20.0, ge=0.0, le=180.0)
+    light_gradient: float = Field(default=0.1, ge=0.0, le=2.0)
+    colour_noise: float = Field(default=10.0, ge=0.0, le=255.0)
+    luminance: _Share = 0.1
+    grey: _Share = 0.25
+    context_dropout: _Share = 0.25
+    context_dropout_share: _Share = 0.8
+    same_scan: _Share = 0.1
+    partial_view: _Share = 0.3
+    thinning: _Share = 0.3
+    thinning_share: _Share = 0.5
+
+    @classmethod
+    def off(cls) -> Self:
+        """Return settings that change nothing."""
+        return cls.model_validate(dict.fromkeys(cls.model_fields, 0.0))

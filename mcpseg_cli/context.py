@@ -1,21 +1,23 @@
 """Network input (III-B): centre points around the robot, context points around each centre."""
 
 import numpy as np
-import torch
 from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import NUM_FEATURES
 
+Colour = NDArray[np.uint8] | NDArray[np.float32]
+"""Colours in 0-255; fractions where training has changed them."""
+
 
 def network_input(
-    xyz: NDArray[np.float32], rgb: NDArray[np.uint8], position: NDArray[np.float64], floor: float
+    xyz: NDArray[np.float32], rgb: Colour, position: NDArray[np.float64], floor: float
 ) -> NDArray[np.float32]:
     """Centre points on the robot and scale their colour.
 
     Args:
         xyz: (M, 3) float32, metres, map frame.
-        rgb: (M, 3) uint8.
+        rgb: (M, 3) uint8, or float32 in 0-255.
         position: (3,) float64 robot position, metres, map frame; only x and y are used.
         floor: Height of the floor, metres, map frame.
 
@@ -29,22 +31,22 @@ def network_input(
 
 
 def context_input(
-    ids: NDArray[np.int32], sample: NDArray[np.int32], xyz: NDArray[np.float32], rgb: NDArray[np.uint8]
-) -> torch.Tensor:
+    ids: NDArray[np.int32], sample: NDArray[np.int32], xyz: NDArray[np.float32], rgb: Colour
+) -> NDArray[np.float32]:
     """Gather context points relative to their centres, position and colour alike.
 
     Args:
         ids: (M,) int32 voxel ids of the centres.
         sample: (M, K) int32 voxel ids of their context points.
         xyz: (V, 3) float32, metres, map frame: all voxels.
-        rgb: (V, 3) uint8: all voxels.
+        rgb: (V, 3) uint8, or float32 in 0-255: all voxels.
 
     Returns:
         (M, K, 6) float32.
     """
     context = np.empty((*sample.shape, NUM_FEATURES), np.float32)
     _gather_relative(ids, sample, xyz, rgb, context)
-    return torch.from_numpy(context)
+    return context
 
 
 @njit(cache=True, nogil=True)
@@ -52,7 +54,7 @@ def _gather_relative(
     ids: NDArray[np.int32],
     sample: NDArray[np.int32],
     xyz: NDArray[np.float32],
-    rgb: NDArray[np.uint8],
+    rgb: Colour,
     context: NDArray[np.float32],
 ) -> None:
     scale = np.float32(1 / 255)
@@ -62,5 +64,5 @@ def _gather_relative(
             point = sample[i, k]
             for axis in range(3):
                 context[i, k, axis] = xyz[point, axis] - xyz[centre, axis]
-                difference = np.int32(rgb[point, axis]) - np.int32(rgb[centre, axis])
-                context[i, k, 3 + axis] = np.float32(difference) * scale
+                difference = np.float32(rgb[point, axis]) - np.float32(rgb[centre, axis])
+                context[i, k, 3 + axis] = difference * scale

@@ -36,6 +36,10 @@ class StateInUseError(StateError):
     """A checkpoint that another process is writing."""
 
 
+class TrainingError(McpsegError):
+    """Training that cannot start or go on."""
+
+
 class OutputError(McpsegError):
     """An output that cannot be written."""
 

@@ -7,6 +7,7 @@ map around the robot remembers a floor that this scan does not see.
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.config import FloorRule
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.voxel_map import VoxelMap
 
@@ -41,6 +42,33 @@ def floor_height(voxel_map: VoxelMap, position: NDArray[np.float64]) -> float | 
         return None
     layers = slice(wide[0], wide[0] + 2)
     return float(voxel_map.xyz[ids[:, :, layers][flat[:, :, layers]], 2].mean(dtype=np.float64))
+
+
+def find_floor(
+    rule: FloorRule | float,
+    voxel_map: VoxelMap,
+    position: NDArray[np.float64],
+    near_xyz: NDArray[np.float32],
+    last: float | None,
+) -> float:
+    """Apply a floor setting; where the map shows no floor, the last one holds, else the scan's lowest point.
+
+    Args:
+        rule: The setting: from the map around the robot, the scan's lowest point, or a height.
+        voxel_map: The map, this scan included.
+        position: (3,) float64 sensor position, metres, map frame.
+        near_xyz: (N, 3) float32, metres, map frame: the scan's points in range, at least one.
+        last: Floor of the scan before; None at the first.
+
+    Returns:
+        Height of the floor, metres, map frame.
+    """
+    if isinstance(rule, float):
+        return rule
+    found = floor_height(voxel_map, position) if rule == "map" else None
+    if found is None and rule == "map":
+        found = last
+    return float(near_xyz[:, 2].min()) if found is None else found
 
 
 def _flat(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:

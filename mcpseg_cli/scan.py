@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+GREY = 128
+"""Colour of a scan that has none: the network's colour inputs are then (almost) zero."""
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -47,3 +50,17 @@ def to_map_frame(xyz_sensor: NDArray[np.floating], pose: NDArray[np.float64]) ->
         (N, 3) float32, metres, map frame; computed in float64, a new array.
     """
     return (xyz_sensor.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
+
+
+def near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:
+    """Mark the points within range of the robot, horizontally (III-B); (N,) bool."""
+    offset = scan.xyz[:, :2] - scan.position[:2].astype(np.float32)
+    near: NDArray[np.bool_] = np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
+    return near
+
+
+def colour_of(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the (M, 3) uint8 colours of the points marked, grey where the scan has none."""
+    if scan.rgb is None:
+        return np.full((int(near.sum()), 3), GREY, np.uint8)
+    return scan.rgb[near]

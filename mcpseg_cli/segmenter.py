@@ -14,20 +14,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mcpseg_cli.clustering import Clusters, quantise
+from mcpseg_cli.clustering import Clusters, embed_classes, quantise
 from mcpseg_cli.columns import Column
-from mcpseg_cli.config import EMBEDDING, Precision, SegmentSettings
+from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
-from mcpseg_cli.errors import McpsegError
-from mcpseg_cli.floor import floor_height
+from mcpseg_cli.device import find_device
+from mcpseg_cli.floor import find_floor
 from mcpseg_cli.formats.cloud import Labels
+from mcpseg_cli.networks.network import Network
 from mcpseg_cli.objects import MapObject, list_objects
-from mcpseg_cli.scan import Scan
+from mcpseg_cli.scan import Scan, colour_of, near_robot
 from mcpseg_cli.state import MapRows
 from mcpseg_cli.voxel_map import VoxelMap
 from mcpseg_cli.weights import Weights, find_weights, load_weights
 
-_GREY = 128  # colour of a scan that has none: the network's colour inputs are then (almost) zero
 _CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bounds memory
 _TILE_VOXELS = 64  # voxels whose context is pooled at a time: 3,200 points with 200 features stay in a core's cache
 
@@ -64,7 +64,8 @@ class IncrementalSegmenter:
 
     Args:
         weights: Network and class table.
-        settings: Everything else that decides the labels.
+        settings: Everything else that decides the labels; batch size and similarity, where not given, are the network's
+            own. A network without embedding joins neighbours of one class (IV-B), whatever the similarity.
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
             where the processor computes it natively.
         device: Where the network runs, as torch names it.
@@ -81,17 +82,17 @@ class IncrementalSegmenter:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
-        self.settings = settings or SegmentSettings()
+        self.settings = _complete(settings or SegmentSettings(), weights.network)
         self.info = weights.info
         self.device = device
         self.precision = resolve_precision(precision, device)
         self.map = VoxelMap(self.settings.voxel_size)
-        self.clusters = Clusters(self.settings.similarity)
+        self.clusters = Clusters(self.settings.similarity if weights.network.has_embedding else SIMILARITY)
         self.num_scans = 0
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
         self._floor: float | None = None
-        self._device = _torch_device(device)
+        self._device = find_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(self.precision)
         self._workers = ThreadPoolExecutor(torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,))
@@ -126,15 +127,15 @@ class IncrementalSegmenter:
         """
         rng = np.random.default_rng((self.settings.seed, self.num_scans))
         clock = _Stopwatch()
-        near = _near_robot(scan, self.settings.local_range)
+        near = near_robot(scan, self.settings.local_range)
         first_new = len(self.map)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
-        point_ids[near] = self.map.insert(scan.xyz[near], _colour(scan, near))
+        point_ids[near] = self.map.insert(scan.xyz[near], colour_of(scan, near))
         new = np.arange(first_new, len(self.map), dtype=np.int32)
         num_seen = _count_distinct(point_ids[near & (point_ids < first_new)])
         clock.lap("insert")
         if len(near_xyz := scan.xyz[near]):
-            self._floor = self._find_floor(scan, near_xyz)
+            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
         clock.lap("floor")
         with _one_thread_per_operation():
             embedding = self._embed_and_classify(new, scan.position, rng)
@@ -148,7 +149,7 @@ class IncrementalSegmenter:
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
         """Return (N,) int32: the voxel of every point of a scan registered before, -1 for points out of range."""
-        near = _near_robot(scan, self.settings.local_range)
+        near = near_robot(scan, self.settings.local_range)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
         point_ids[near] = self.map.find(scan.xyz[near])
         return point_ids
@@ -199,16 +200,6 @@ class IncrementalSegmenter:
         self.clusters.restore_merges(merges)
         self.num_scans, self._floor = num_scans, floor
 
-    def _find_floor(self, scan: Scan, near_xyz: NDArray[np.float32]) -> float:
-        """Apply the floor setting; where the map shows none, the last floor holds, else the scan's lowest point."""
-        rule = self.settings.floor
-        if isinstance(rule, float):
-            return rule
-        found = floor_height(self.map, scan.position) if rule == "map" else None
-        if found is None and rule == "map":
-            found = self._floor
-        return float(near_xyz[:, 2].min()) if found is None else found
-
     def _embed_and_classify(
         self, new: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float32]:
@@ -222,8 +213,8 @@ class IncrementalSegmenter:
         for rows in np.split(order, ends) if len(new) else []:
             unit, logits = self._run_batches(new[rows], position, rng)
             probability, best = torch.softmax(logits, dim=1).max(dim=1)
-            embedding[rows] = unit.cpu().numpy()
             semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
+            embedding[rows] = embed_classes(semantic[rows]) if unit is None else unit.cpu().numpy()
         self._semantic.append(semantic)
         self._confidence.append(confidence)
         return embedding
@@ -231,22 +222,25 @@ class IncrementalSegmenter:
     @torch.inference_mode()
     def _run_batches(
         self, ids: NDArray[np.int32], position: NDArray[np.float64], rng: np.random.Generator
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+    ) -> tuple[torch.Tensor | None, torch.Tensor]:
         """Label voxels in batches of N, the last one filled up by sampling with replacement (III-B)."""
         xyz, rgb, size = self.map.xyz[ids], self.map.rgb[ids], self.settings.batch_size
         centre = torch.from_numpy(network_input(xyz, rgb, position, self._floor or 0.0)).to(self._device)
-        pooled = self._pool_context(ids, rng) if self._network.has_context else None
+        pooled = self._pool_context(ids, rng) if self._network.needs_context else None
         rows = torch.arange(len(ids))
         if len(ids) > size:  # a single batch would be filled from itself, which changes no maximum
             rows = torch.cat([rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))])
         batches = torch.split(rows.to(self._device), size)
         contexts = [None if pooled is None else pooled[batch] for batch in batches]
         outputs = list(self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts))
-        unit = torch.cat([embedding for embedding, _ in outputs])[: len(ids)]
+        units = [embedding for embedding, _ in outputs if embedding is not None]
+        unit = torch.cat(units)[: len(ids)] if units else None
         return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
 
     @torch.inference_mode()
-    def _label_batch(self, centre: torch.Tensor, pooled: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+    def _label_batch(
+        self, centre: torch.Tensor, pooled: torch.Tensor | None
+    ) -> tuple[torch.Tensor | None, torch.Tensor]:
         return self._network.label(centre, pooled)
 
     def _pool_context(self, ids: NDArray[np.int32], rng: np.random.Generator) -> torch.Tensor:
@@ -264,7 +258,7 @@ class IncrementalSegmenter:
     def _pool_tile(self, ids: NDArray[np.int32], uniform: NDArray[np.float32]) -> torch.Tensor:
         sample = self.map.sample_context(ids, self.info.context_window, uniform)
         context = context_input(ids, sample, self.map.xyz, self.map.rgb)
-        return self._network.pool_context(context.to(self._device))
+        return self._network.pool_context(torch.from_numpy(context).to(self._device))
 
 
 @contextmanager
@@ -291,6 +285,12 @@ class _Stopwatch:
         self._last = now
 
 
+def _complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
+    """Fill in what was not given by what the network was made for."""
+    own = {"batch_size": network.batch_size, "similarity": network.similarity}
+    return settings.model_copy(update={name: own[name] for name in own.keys() - settings.model_fields_set})
+
+
 def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
     """Replace ``auto`` by what this machine does best: bf16 where it is native, else fp32."""
     if precision != "auto":
@@ -307,30 +307,6 @@ def _cpu_has_bf16() -> bool:
     return "avx512_bf16" in flags or "amx_bf16" in flags
 
 
-def _torch_device(name: str) -> torch.device:
-    try:
-        probe = torch.zeros(1, device=name)
-        probe.cpu()
-        return probe.device
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
-        raise McpsegError(
-            f"--device {name}: not available here; expected cpu or a device torch knows; use cpu"
-        ) from error
-
-
-def _near_robot(scan: Scan, local_range: float) -> NDArray[np.bool_]:
-    """Mark the points within range of the robot, horizontally (III-B)."""
-    offset = scan.xyz[:, :2] - scan.position[:2].astype(np.float32)
-    near: NDArray[np.bool_] = np.einsum("na,na->n", offset, offset) < np.float32(local_range) ** 2
-    return near
-
-
 def _count_distinct(ids: NDArray[np.int32]) -> int:
     """Count distinct ids; sorting int32 is several times faster than ``np.unique``."""
     return int(np.count_nonzero(np.diff(np.sort(ids), prepend=-1)))
-
-
-def _colour(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    if scan.rgb is None:
-        return np.full((int(near.sum()), 3), _GREY, np.uint8)
-    return scan.rgb[near]

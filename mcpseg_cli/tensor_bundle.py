@@ -17,15 +17,20 @@ from numpy.typing import NDArray
 from torch import nn
 
 from mcpseg_cli.classes import MCPNET_CLASSES
-from mcpseg_cli.config import HIDDEN, NUM_FEATURES
+from mcpseg_cli.config import HIDDEN, NUM_FEATURES, Architecture
 from mcpseg_cli.errors import WeightsError
-from mcpseg_cli.networks.mcpnet import MCPNet
+from mcpseg_cli.networks.network import Network
 from mcpseg_cli.weights import WeightsInfo, build_network
 
 _FOOTER_SIZE = 48
 _MAGIC = 0xDB4775248B80FB57
 _FLOAT32 = 1  # DT_FLOAT
-_LAYERS = {1: "context_1", 2: "context_2", 3: "features", 4: "embed", 5: "hidden", 6: "classify"}
+_MCPNET = {1: "context_1", 2: "context_2", 3: "features", 4: "embed", 5: "hidden", 6: "classify"}
+_LAYERS: dict[Architecture, dict[int, str]] = {
+    "mcpnet": _MCPNET,
+    "mcpnet-nocontext": {number: layer for number, layer in _MCPNET.items() if not layer.startswith("context")},
+    "voxnet": {1: "convolve_1", 2: "convolve_2", 3: "hidden", 4: "classify"},
+}
 
 
 @dataclass
@@ -39,8 +44,8 @@ class _Entry:
     size: int = 0
 
 
-def import_checkpoint(prefix: Path) -> tuple[MCPNet, WeightsInfo]:
-    """Read the MCPNet authors' TensorFlow weights, with or without context layers.
+def import_checkpoint(prefix: Path) -> tuple[Network, WeightsInfo]:
+    """Read the authors' TensorFlow weights of MCPNet, with or without context layers, or of VoxNet.
 
     Args:
         prefix: The checkpoint's name; ``prefix.index`` and ``prefix.data-00000-of-00001`` are read.
@@ -49,33 +54,49 @@ def import_checkpoint(prefix: Path) -> tuple[MCPNet, WeightsInfo]:
         The network and its description: the authors' class order and coarse context cells.
 
     Raises:
-        WeightsError: Damaged files, or variables that are not MCPNet's.
+        WeightsError: Damaged files, or variables that are not those networks'.
     """
     tensors = read_tensor_bundle(prefix)
-    kernels = {name: tensors[name].squeeze() for name in tensors if name.startswith("kernel")}
-    shapes = {name: kernel.shape for name, kernel in kernels.items()}
+    kernels = {name: _as_torch(tensors[name]) for name in tensors if name.startswith("kernel")}
     info = WeightsInfo(
-        architecture="mcpnet-nocontext" if shapes.get("kernel3") == (NUM_FEATURES, HIDDEN) else "mcpnet",
+        architecture=_architecture(kernels),
         classes=MCPNET_CLASSES,
         context_window="coarse",
         training={"source": f"imported from the TensorFlow checkpoint {prefix.name}"},
     )
     network = build_network(info)
     with torch.no_grad():
-        for number, layer in _LAYERS.items():
-            if layer.startswith("context") and info.architecture == "mcpnet-nocontext":
-                continue
-            linear = network.get_submodule(layer)
-            assert isinstance(linear, nn.Linear)
+        for number, name in _LAYERS[info.architecture].items():
+            layer = network.get_submodule(name)
+            assert isinstance(layer, nn.Linear | nn.Conv3d)
+            assert layer.bias is not None
             kernel, bias = kernels.get(f"kernel{number}"), tensors.get(f"bias{number}")
-            expected = tuple(linear.weight.T.shape)
-            if kernel is None or bias is None or kernel.shape != expected or bias.shape != expected[1:]:
-                found = f"kernel{number} {shapes.get(f'kernel{number}', 'missing')}"
-                remedy = "import an MCPNet checkpoint (VoxNet and the other baselines are not supported yet)"
-                raise WeightsError(prefix, found, f"{expected} with its bias, as MCPNet has", remedy)
-            linear.weight.copy_(torch.from_numpy(kernel.T.copy()))
-            linear.bias.copy_(torch.from_numpy(bias.copy()))
+            expected = tuple(layer.weight.shape)
+            if kernel is None or bias is None or kernel.shape != expected or bias.shape != expected[:1]:
+                found = f"kernel{number} {'missing' if kernel is None else kernel.shape}"
+                owner = "VoxNet" if info.architecture == "voxnet" else "MCPNet"
+                remedy = "import a checkpoint of MCPNet or VoxNet (the authors' other baselines are wider than ours)"
+                raise WeightsError(prefix, found, f"{expected} with its bias, as {owner} has", remedy)
+            layer.weight.copy_(torch.from_numpy(kernel))
+            layer.bias.copy_(torch.from_numpy(bias.copy()))
     return network.eval(), info
+
+
+def _as_torch(kernel: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Put the outputs first, then the inputs, as torch does; a 1-D convolution over single points is a linear layer."""
+    if kernel.ndim == 3 and len(kernel) == 1:
+        kernel = kernel[0]
+    if kernel.ndim < 2:
+        return kernel
+    return np.ascontiguousarray(kernel.transpose(-1, -2, *range(kernel.ndim - 2)))
+
+
+def _architecture(kernels: dict[str, NDArray[np.float32]]) -> Architecture:
+    """Tell the authors' networks apart by their variables."""
+    shapes = {name: kernel.shape for name, kernel in kernels.items()}
+    if len(shapes.get("kernel1", ())) == 5:
+        return "voxnet"
+    return "mcpnet-nocontext" if shapes.get("kernel3") == (HIDDEN, NUM_FEATURES) else "mcpnet"
 
 
 def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:

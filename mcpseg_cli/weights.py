@@ -6,18 +6,21 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from mcpseg_cli.config import NUM_CONTEXT, ContextWindow
+from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
 from mcpseg_cli.errors import WeightsError, naming
 from mcpseg_cli.networks.mcpnet import MCPNet
+from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.pointnet import PointNet
+from mcpseg_cli.networks.pointnet2 import PointNet2
+from mcpseg_cli.networks.sgpn import SGPN
+from mcpseg_cli.networks.voxnet import VoxNet
 
-Architecture = Literal["mcpnet", "mcpnet-nocontext"]
 DEFAULT_WEIGHTS = "smoke-test"
 _METADATA = "mcpseg"
 
@@ -55,7 +58,7 @@ class Weights:
         name: File name without its ending.
     """
 
-    network: MCPNet
+    network: Network
     info: WeightsInfo
     sha256: str
     name: str
@@ -124,7 +127,7 @@ def load_weights(path: Path) -> Weights:
     return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
 
 
-def save_weights(path: Path, network: MCPNet, info: WeightsInfo) -> None:
+def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
     """Write a network with its description; the file appears under its name only when complete.
 
     Args:
@@ -143,6 +146,17 @@ def save_weights(path: Path, network: MCPNet, info: WeightsInfo) -> None:
         partial.unlink(missing_ok=True)
 
 
-def build_network(info: WeightsInfo) -> MCPNet:
+def build_network(info: WeightsInfo) -> Network:
     """Build the network that ``info`` describes, with fresh parameters from torch's generator."""
-    return MCPNet(len(info.classes), has_context=info.architecture == "mcpnet")
+    num_classes = len(info.classes)
+    match info.architecture:
+        case "mcpnet" | "mcpnet-nocontext":
+            return MCPNet(num_classes, needs_context=info.architecture == "mcpnet")
+        case "pointnet":
+            return PointNet(num_classes)
+        case "pointnet2":
+            return PointNet2(num_classes)
+        case "sgpn":
+            return SGPN(num_classes)
+        case "voxnet":
+            return VoxNet(num_classes)

@@ -63,7 +63,7 @@ def replay(walk: Walk, floor: float, rng: np.random.Generator) -> Iterator[Batch
             sample = voxel_map.sample_context(ids, "cells", rng.random((len(ids), NUM_CONTEXT), np.float32))
             centre = network_input(voxel_map.xyz[ids], voxel_map.rgb[ids], scan.position, floor)
             context = context_input(ids, sample, voxel_map.xyz, voxel_map.rgb)
-            yield torch.from_numpy(centre), context, *torch.from_numpy(truth[ids]).unbind(dim=1)
+            yield torch.from_numpy(centre), torch.from_numpy(context), *torch.from_numpy(truth[ids]).unbind(dim=1)
 
 
 def insert_near(voxel_map: VoxelMap, scan: Scan) -> tuple[NDArray[np.int32], NDArray[np.intp]]:

@@ -11,13 +11,27 @@ PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
     {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
-    {"context", "networks"},
-    {"state", "objects", "weights", "tensor_bundle", "evaluation"},
-    {"labelled_map", "segmenter", "run_folder"},
-    {"segment_run"},
+    {"context", "networks", "losses", "replay", "augmentation"},
+    {
+        "state",
+        "objects",
+        "weights",
+        "tensor_bundle",
+        "evaluation",
+        "sample_cache",
+        "samples",
+        "device",
+        "ranks",
+        "folds",
+        "fine_tuning",
+        "objective",
+    },
+    {"labelled_map", "segmenter", "run_folder", "checkpoint", "prefetch", "training", "train_data", "tensorboard_log"},
+    {"segment_run", "model_card", "train_run"},
     {"cli"},
 ]
-TORCH = {"networks", "context", "weights", "segmenter", "tensor_bundle"}
+TORCH = {"networks", "losses", "weights", "segmenter", "tensor_bundle", "device", "ranks", "objective", "fine_tuning"}
+TORCH |= {"checkpoint", "training", "train_run", "tensorboard_log"}
 MODULES = sorted(
     path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py" and path.parent.name != "__pycache__"
 )

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcpseg_cli.clustering import Clusters, quantise
+from mcpseg_cli.clustering import Clusters, embed_classes, quantise
 from tests import reference
 
 _NO_NEIGHBOUR = -1
@@ -139,3 +139,17 @@ def test_quantised_embeddings_keep_cosines_to_four_digits():
     a, b = unit(rng.normal(size=(200, 50))), unit(rng.normal(size=(200, 50)))
     kept = (quantise(a).astype(np.float64) * quantise(b)).sum(axis=1) / 32767**2
     np.testing.assert_allclose(kept, (a.astype(np.float64) * b).sum(axis=1), atol=1e-4)
+
+
+def test_stand_in_embeddings_are_alike_within_a_class_and_far_apart_between_classes():
+    steps = quantise(embed_classes(np.arange(255, dtype=np.uint8))).astype(np.float64) / 32767
+    similarity = steps @ steps.T
+    assert np.diag(similarity).min() > 0.99
+    assert (similarity - 2 * np.eye(255)).max() < 0.76
+
+
+def test_neighbours_of_one_class_are_one_object_without_an_embedding():
+    clusters = Clusters(0.9)
+    rows = [[1], [0, 2], [1, 3], [2]]
+    clusters.add(quantise(embed_classes(np.array([5, 5, 4, 5], np.uint8))), neighbours_of(rows))
+    assert clusters.instance.tolist() == [1, 1, 2, 3]

@@ -79,6 +79,6 @@ def test_centre_points_are_around_the_robot_and_above_the_floor():
 def test_context_is_relative_to_its_centre_in_place_and_colour():
     xyz = np.array([[1, 1, 1], [1.1, 0.8, 1.0], [5, 5, 5]], np.float32)
     rgb = np.array([[10, 20, 30], [255, 0, 30], [0, 0, 0]], np.uint8)
-    context = context_input(np.array([0], np.int32), np.array([[0, 1]], np.int32), xyz, rgb).numpy()
+    context = context_input(np.array([0], np.int32), np.array([[0, 1]], np.int32), xyz, rgb)
     expected = [[[0] * 6, [0.1, -0.2, 0.0, 245 / 255, -20 / 255, 0.0]]]
     np.testing.assert_allclose(context, expected, atol=1e-6)

@@ -20,16 +20,25 @@ _CHECKPOINTS = {
 def test_network_outputs_equal_the_authors(shared_folder, name):
     answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
     network, _ = import_checkpoint(shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt")
-    context = torch.from_numpy(answers["context"]) if network.has_context else None
+    context = torch.from_numpy(answers["context"]) if network.needs_context else None
     with torch.inference_mode():
         embedding, logits = network(torch.from_numpy(answers["center"]), context)
     np.testing.assert_allclose(embedding.numpy(), answers[f"{name}_embedding"], rtol=0, atol=1e-4)
     np.testing.assert_allclose(logits.numpy(), answers[f"{name}_logits"], rtol=0, atol=1e-4)
 
 
-def segment_building(shared_folder, tmp_path, area: int, precision: str) -> None:
-    checkpoint = shared_folder / f"reference/checkpoints/mcpnet_model_s3dis_{area}.ckpt"
-    weights, building = tmp_path / f"area{area}.safetensors", shared_folder / "reference/building"
+def test_voxnet_outputs_equal_the_authors(shared_folder):
+    answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
+    network, info = import_checkpoint(shared_folder / "reference/checkpoints/voxnet_model_s3dis_5.ckpt")
+    assert info.architecture == "voxnet"
+    with torch.inference_mode():
+        _, logits = network(torch.from_numpy(answers["voxnet_points"]))
+    np.testing.assert_allclose(logits.numpy(), answers["voxnet_5_logits"], rtol=0, atol=1e-4)
+
+
+def segment_building(shared_folder, tmp_path, model: str, precision: str) -> None:
+    checkpoint = shared_folder / f"reference/checkpoints/{model}.ckpt"
+    weights, building = tmp_path / "authors.safetensors", shared_folder / "reference/building"
     options = ["--floor", "scan-min", "--precision", precision, "-q"]
     for arguments in (
         ["import-weights", str(checkpoint), "-o", str(weights), "--overwrite"],
@@ -48,9 +57,16 @@ def segment_building(shared_folder, tmp_path, area: int, precision: str) -> None
         assert result.exit_code == 0, result.stderr
 
 
-@pytest.mark.parametrize(("area", "accuracy", "nmi", "instances"), [(5, 0.784, 0.862, 1016), (1, 0.748, 0.874, 793)])
-def test_results_on_the_building_are_the_authors(shared_folder, tmp_path, area, accuracy, nmi, instances):
-    segment_building(shared_folder, tmp_path, area, "fp32")
+@pytest.mark.parametrize(
+    ("model", "accuracy", "nmi", "instances"),
+    [
+        ("mcpnet_model_s3dis_5", 0.784, 0.862, 1016),
+        ("mcpnet_model_s3dis_1", 0.748, 0.874, 793),
+        ("voxnet_model_s3dis_5", 0.503, 0.653, 600),
+    ],
+)
+def test_results_on_the_building_are_the_authors(shared_folder, tmp_path, model, accuracy, nmi, instances):
+    segment_building(shared_folder, tmp_path, model, "fp32")
     scores = evaluate_run(tmp_path / "fp32", shared_folder / "reference/building/gt").document()
     assert scores["points"] == scores["covered"] == 26754
     assert scores["point_accuracy"] == pytest.approx(accuracy, abs=0.01)
@@ -61,8 +77,8 @@ def test_results_on_the_building_are_the_authors(shared_folder, tmp_path, area, 
 def test_bf16_labels_agree_with_fp32_on_99_voxels_of_100(shared_folder, tmp_path):
     from mcpseg_cli.formats import read_cloud
 
-    segment_building(shared_folder, tmp_path, 5, "fp32")
-    segment_building(shared_folder, tmp_path, 5, "bf16")
+    segment_building(shared_folder, tmp_path, "mcpnet_model_s3dis_5", "fp32")
+    segment_building(shared_folder, tmp_path, "mcpnet_model_s3dis_5", "bf16")
     exact = read_cloud(tmp_path / "fp32/map.ply").label("semantic")
     rough = read_cloud(tmp_path / "bf16/map.ply").label("semantic")
     assert (exact == rough).mean() >= 0.99

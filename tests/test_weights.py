@@ -2,6 +2,7 @@
 
 import json
 import struct
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from safetensors.torch import save_file
 from mcpseg_cli.classes import MCPNET_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.tensor_bundle import import_checkpoint, read_tensor_bundle
-from mcpseg_cli.weights import WeightsInfo, build_network, find_weights, load_weights, save_weights
+from mcpseg_cli.weights import Architecture, WeightsInfo, build_network, find_weights, load_weights, save_weights
 
 
-@pytest.mark.parametrize("architecture", ["mcpnet", "mcpnet-nocontext"])
+@pytest.mark.parametrize("architecture", get_args(Architecture))
 def test_weights_come_back_with_everything_they_say(tmp_path, architecture):
     info = WeightsInfo(
         architecture=architecture, classes=S3DIS_CLASSES, context_window="coarse", num_context=20, notice="mind",
@@ -36,13 +37,31 @@ def test_the_hash_is_that_of_the_file(tmp_path, weights_path):
     assert load_weights(weights_path).sha256 == hashlib.sha256(weights_path.read_bytes()).hexdigest()
 
 
-def test_tensors_that_do_not_fit_are_named(tmp_path):
-    info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
+@pytest.mark.parametrize("architecture", get_args(Architecture))
+def test_tensors_that_do_not_fit_are_named_in_one_line(tmp_path, architecture):
+    info = WeightsInfo(architecture=architecture, classes=S3DIS_CLASSES)
     tensors = build_network(info).state_dict()
-    tensors["classify.bias"] = torch.zeros(5)
+    name = list(tensors)[-1]
+    tensors[name] = torch.zeros(5)
     save_file(tensors, tmp_path / "w.safetensors", {"mcpseg": info.model_dump_json()})
-    with pytest.raises(WeightsError, match=r"classify\.bias"):
+    with pytest.raises(WeightsError, match=name.replace(".", r"\.")) as error:
         load_weights(tmp_path / "w.safetensors")
+    assert "\n" not in str(error.value)
+
+
+def test_the_tensors_of_another_network_are_refused(tmp_path):
+    tensors = build_network(WeightsInfo(architecture="sgpn", classes=S3DIS_CLASSES)).state_dict()
+    info = WeightsInfo(architecture="voxnet", classes=S3DIS_CLASSES)
+    save_file(tensors, tmp_path / "w.safetensors", {"mcpseg": info.model_dump_json()})
+    with pytest.raises(WeightsError, match="the tensors of voxnet"):
+        load_weights(tmp_path / "w.safetensors")
+
+
+@pytest.mark.parametrize("architecture", get_args(Architecture))
+def test_weights_files_stay_below_a_megabyte(tmp_path, architecture):
+    info = WeightsInfo(architecture=architecture, classes=S3DIS_CLASSES)
+    save_weights(tmp_path / "w.safetensors", build_network(info), info)
+    assert (tmp_path / "w.safetensors").stat().st_size < 1_000_000
 
 
 def test_weights_with_nan_are_refused(tmp_path):
@@ -138,13 +157,38 @@ def test_a_tensorflow_checkpoint_becomes_mcpnet_with_the_authors_classes_and_con
     np.testing.assert_allclose(network.classify.bias.detach().numpy(), tensors["bias6"].astype(np.float32))
 
 
+def voxnet_tensors() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    shapes = {1: (5, 5, 5, 1, 32), 2: (3, 3, 3, 32, 32), 3: (38, 128), 4: (128, 13)}
+    tensors = {f"kernel{number}": rng.normal(size=shape) for number, shape in shapes.items()}
+    return tensors | {f"bias{number}": rng.normal(size=shape[-1]) for number, shape in shapes.items()}
+
+
+def test_a_voxnet_checkpoint_becomes_voxnet(tmp_path):
+    tensors = voxnet_tensors()
+    write_bundle(tmp_path / "model.ckpt", tensors)
+    network, info = import_checkpoint(tmp_path / "model.ckpt")
+    assert (info.architecture, info.classes) == ("voxnet", MCPNET_CLASSES)
+    kernel = network.convolve_2.weight.detach().numpy()  # (outputs, inputs, x, y, z)
+    np.testing.assert_allclose(kernel[7, 3, 0, 1, 2], tensors["kernel2"][0, 1, 2, 3, 7], rtol=1e-6)
+    np.testing.assert_allclose(network.hidden.weight.detach().numpy(), tensors["kernel3"].T.astype(np.float32))
+
+
+def test_a_voxnet_checkpoint_with_a_layer_missing_is_refused(tmp_path):
+    tensors = voxnet_tensors()
+    del tensors["kernel3"]
+    write_bundle(tmp_path / "model.ckpt", tensors)
+    with pytest.raises(WeightsError, match=r"kernel3 missing.*as VoxNet has"):
+        import_checkpoint(tmp_path / "model.ckpt")
+
+
 def test_optimizer_slots_are_passed_over(tmp_path):
     write_bundle(tmp_path / "model.ckpt", mcpnet_tensors(context=True))
     assert not any("/" in name for name in read_tensor_bundle(tmp_path / "model.ckpt"))
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    write_bundle(tmp_path / "model.ckpt", {"kernel1": np.zeros((5, 5, 5, 1, 32)), "bias1": np.zeros(32)})
+    write_bundle(tmp_path / "model.ckpt", {"kernel1": np.zeros((64, 64)), "bias1": np.zeros(64)})
     with pytest.raises(WeightsError, match="as MCPNet has"):
         import_checkpoint(tmp_path / "model.ckpt")
 

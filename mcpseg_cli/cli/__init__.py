@@ -11,6 +11,7 @@ from mcpseg_cli.cli.import_weights import import_weights
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
+from mcpseg_cli.cli.train import train
 
 app = typer.Typer(
     name="mcpseg",
@@ -43,6 +44,7 @@ def top(
 
 app.command("synth")(synth)
 app.command("raytrace")(raytrace)
+app.command("train")(train)
 app.command("segment")(segment)
 app.command("eval")(evaluate)
 app.command("import-weights")(import_weights)

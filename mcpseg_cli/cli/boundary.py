@@ -26,16 +26,16 @@ class OneLineErrors(TyperGroup):
         except OSError as error:
             _fail(_explain(error), 1, error)
         except MemoryError as error:
-            _fail("out of memory; expected smaller scans or a smaller range; finished scans are kept", 1, error)
+            _fail("out of memory; expected smaller scans or a smaller range; what is finished is kept", 1, error)
         except KeyboardInterrupt as error:
-            _fail("interrupted; finished scans are kept; run the same command again, without --overwrite", 130, error)
+            _fail("interrupted; what is finished is kept; run the same command again, without --overwrite", 130, error)
 
 
 def _explain(error: OSError) -> str:
     """Say what the operating system refused, what was expected and what to do."""
     place = f"{error.filename}: " if error.filename else ""
     if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
-        advice = "expected room on the disk; make space and run the same command again, finished scans are kept"
+        advice = "expected room on the disk; make space and run the same command again, what is finished is kept"
     elif isinstance(error, FileNotFoundError):
         advice = "expected an existing path; check its spelling"
     else:

@@ -17,7 +17,7 @@ def import_weights(
 ) -> None:
     """Convert weights of the MCPNet authors.
 
-    Reads a TensorFlow checkpoint of theirs; TensorFlow is not needed.
+    Reads a TensorFlow checkpoint of theirs, of MCPNet (with or without context) or VoxNet; TensorFlow is not needed.
 
     Example:
       mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import signal
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
     FormatChoice,
@@ -28,8 +28,6 @@ from mcpseg_cli.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.segment_run import ScanReport, SegmentRun
 
@@ -49,8 +47,12 @@ def segment(
         typer.Option("--range", metavar="METRES", help="Label points up to this far from the robot, horizontally."),
     ] = 2.0,
     similarity: Annotated[
-        float, typer.Option(help="Cosine similarity, -1 to 1, above which neighbours join one object.")
-    ] = 0.9,
+        float | None,
+        typer.Option(
+            help="Cosine similarity, -1 to 1, above which neighbours join one object; default: the network's own, "
+            "0.9 for MCPNet. Networks without embedding join neighbours of one class instead."
+        ),
+    ] = None,
     floor: Annotated[
         str,
         typer.Option(
@@ -102,7 +104,7 @@ def segment(
     options = RunOptions(frame.value, format.value if format else None, on_error.value, sys.argv)
     if overwrite:
         clear_run(output, recording)
-    with SegmentRun(recording, output, loaded, segmenter, options) as run, _Interrupt() as interrupt:
+    with SegmentRun(recording, output, loaded, segmenter, options) as run, Interrupt() as interrupt:
         if loaded.info.notice:
             notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
         tally = _label_pending(run, interrupt, quiet=quiet, show_progress=not (quiet or as_json))
@@ -117,7 +119,7 @@ def segment(
         raise typer.Exit(130)
 
 
-def _label_pending(run: SegmentRun, interrupt: _Interrupt, *, quiet: bool, show_progress: bool) -> _Tally:
+def _label_pending(run: SegmentRun, interrupt: Interrupt, *, quiet: bool, show_progress: bool) -> _Tally:
     """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
     from mcpseg_cli.cli.display import notice, progress_bar
 
@@ -161,27 +163,9 @@ class _Tally:
             self.stages.append(report.update.ms)
 
 
-class _Interrupt:
-    """Ctrl-C or SIGTERM asks the run to stop after the scan at hand; a second one stops at once."""
-
-    def __init__(self) -> None:
-        self.asked = False
-
-    def __enter__(self) -> _Interrupt:
-        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
-
-
-def _settings(voxel_size: float, local_range: float, similarity: float, floor: str, seed: int) -> SegmentSettings:
+def _settings(
+    voxel_size: float, local_range: float, similarity: float | None, floor: str, seed: int
+) -> SegmentSettings:
     """Check the options that decide the labels."""
     from pydantic import ValidationError
 
@@ -192,15 +176,8 @@ def _settings(voxel_size: float, local_range: float, similarity: float, floor: s
     except ValueError:
         height = floor
     try:
-        return SegmentSettings.model_validate(
-            {
-                "voxel_size": voxel_size,
-                "local_range": local_range,
-                "similarity": similarity,
-                "floor": height,
-                "seed": seed,
-            }
-        )
+        given = {"voxel_size": voxel_size, "local_range": local_range, "floor": height, "seed": seed}
+        return SegmentSettings.model_validate(given | ({} if similarity is None else {"similarity": similarity}))
     except ValidationError as error:
         problem = error.errors()[0]
         raise typer.BadParameter(f"{problem['loc'][0]}: {problem['msg']}") from error

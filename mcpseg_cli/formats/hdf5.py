@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import glob
-import io
 import json
-import os
 import zlib
 from pathlib import Path
-from typing import BinaryIO
 
 import h5py
 import numpy as np
@@ -16,7 +12,8 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import MCPNET_CLASSES, UNKNOWN
-from mcpseg_cli.errors import InputError, OutputError, naming
+from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.steady import SteadyFile, whole_file
 
 _FORMAT = "mcpseg building 1"
 _COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -41,18 +38,8 @@ def write_building_h5(path: Path, building: Building, tags: dict[str, str] | Non
         OutputError: A name is empty or not printable.
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    for leftover in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
-        if not _is_running(leftover.suffixes[-2][1:]):
-            leftover.unlink(missing_ok=True)
-    try:
-        with naming(path), partial.open("w+b") as raw:
-            file = _SteadyFile(raw)
-            _write_datasets(path, file, building, tags or {})
-            file.close()
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as file:
+        _write_datasets(path, file, building, tags or {})
 
 
 def read_building_h5(path: Path) -> Building:
@@ -100,56 +87,7 @@ def read_tags(path: Path) -> dict[str, str]:
     return tags
 
 
-def _is_running(pid: str) -> bool:
-    """Tell whether a process that left a file behind may still be writing it."""
-    return pid.isdecimal() and Path(f"/proc/{pid}").exists()
-
-
-class _SteadyFile(io.RawIOBase):
-    """A file that goes on after a failed write and says so when closed: HDF5 crashes the process over a full disk."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._error: BaseException | None = None
-
-    def write(self, data: object) -> int:
-        view = memoryview(data)  # type: ignore[arg-type]
-        if self._error is None:
-            try:
-                self._file.write(view)
-            except BaseException as error:  # an interrupt, too, has to wait
-                self._error = error
-        return view.nbytes
-
-    def truncate(self, size: int | None = None) -> int:
-        if self._error is None:
-            try:
-                self._file.truncate(size)
-            except BaseException as error:
-                self._error = error
-        return size or 0
-
-    def readinto(self, buffer: object) -> int:
-        return self._file.readinto(buffer)  # type: ignore[attr-defined, no-any-return]
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        try:
-            return self._file.seek(offset, whence)
-        except OSError as error:  # it writes what is buffered first
-            self._error = self._error or error
-            return offset
-
-    def tell(self) -> int:
-        return self._file.tell()
-
-    def close(self) -> None:
-        super().close()
-        if self._error is not None:
-            raise self._error
-        self._file.flush()
-
-
-def _write_datasets(path: Path, stream: _SteadyFile, building: Building, tags: dict[str, str]) -> None:
+def _write_datasets(path: Path, stream: SteadyFile, building: Building, tags: dict[str, str]) -> None:
     """Write every array under its name."""
     arrays: dict[str, NDArray[np.generic]] = {name: getattr(building, name) for name in _COLUMNS}
     if building.room_starts is not None:

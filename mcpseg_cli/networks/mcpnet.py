@@ -5,40 +5,33 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.utils.mkldnn import to_mkldnn
 
-from mcpseg_cli.config import EMBEDDING, HIDDEN, NUM_FEATURES
+from mcpseg_cli.config import BATCH, EMBEDDING, HIDDEN, NUM_FEATURES
+from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.pooling import PoolContext
 
 
-class MCPNet(nn.Module):
+class MCPNet(Network):
     """Joint class and instance network, with or without multi-view context pooling.
 
     Args:
         num_classes: C, classes to tell apart.
-        has_context: Whether it pools context points (table I, "Proposed + MCP" against "Proposed").
+        needs_context: Whether it pools context points (table I, "Proposed + MCP" against "Proposed").
     """
 
-    def __init__(self, num_classes: int, *, has_context: bool = True) -> None:
+    has_embedding = True
+    batch_size = BATCH
+
+    def __init__(self, num_classes: int, *, needs_context: bool = True) -> None:
         super().__init__()
-        self.has_context = has_context
+        self.needs_context = needs_context
         self._pools_in_onednn = False
-        if has_context:
+        if needs_context:
             self.context_1 = nn.Linear(NUM_FEATURES, HIDDEN)
             self.context_2 = nn.Linear(HIDDEN, HIDDEN)
-        self.features = nn.Linear(NUM_FEATURES + HIDDEN * has_context, HIDDEN)
+        self.features = nn.Linear(NUM_FEATURES + HIDDEN * needs_context, HIDDEN)
         self.embed = nn.Linear(HIDDEN, EMBEDDING)
         self.hidden = nn.Linear(HIDDEN + EMBEDDING, HIDDEN)
         self.classify = nn.Linear(HIDDEN, num_classes)
-
-    def forward(self, centre: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Embed and classify one batch.
-
-        Args:
-            centre: (N, 6) points around the robot.
-            context: (N, K, 6) context points relative to them; None for a network without context.
-
-        Returns:
-            (N, E) unit embedding and (N, C) class logits.
-        """
-        return self.label(centre, None if context is None else self.pool_context(context))
 
     def pool_context(self, context: Tensor) -> Tensor:
         """Multi-view context pooling: two layers on every context point, then the maximum over each centre's points.
@@ -47,35 +40,39 @@ class MCPNet(nn.Module):
         the way: on a processor, give few enough centres at a time that these stay in its cache.
 
         Args:
-            context: (N, K, 6).
+            context: (N, K, 6) or (B, N, K, 6).
 
         Returns:
-            (N, 200) float32.
+            (N, 200) or (B, N, 200) float32.
         """
+        if torch.is_grad_enabled() and context.device.type == "cpu" and context.dim() == 3:
+            layers = (self.context_1.weight, self.context_1.bias, self.context_2.weight, self.context_2.bias)
+            maxima: Tensor = PoolContext.apply(context, *layers)  # type: ignore[no-untyped-call]
+            return maxima
         points = context.reshape(-1, NUM_FEATURES)  # (N·K, 6)
         points = points.to_mkldnn() if self._pools_in_onednn else points.to(self.context_1.weight.dtype)
         points = self.context_2(self.context_1(points).relu_())  # (N·K, 200)
         points = points.to_dense() if self._pools_in_onednn else points
-        pooled: Tensor = points.view(*context.shape[:2], -1).amax(dim=1)
+        pooled: Tensor = points.view(*context.shape[:-1], -1).amax(dim=-2)
         return pooled.relu().float()  # (N, 200)
 
-    def label(self, centre: Tensor, pooled: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Embed and classify one batch whose context is pooled already.
+    def label(self, centre: Tensor, pooled: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Embed and classify one batch whose context is pooled already, or several.
 
         Args:
-            centre: (N, 6).
-            pooled: (N, 200) from ``pool_context``; None for a network without context.
+            centre: (N, 6) or (B, N, 6).
+            pooled: (N, 200) or (B, N, 200) from ``pool_context``; None for a network without context.
 
         Returns:
-            (N, E) unit embedding and (N, C) class logits. The class branch sees how each point differs from the
-            maximum over this batch, so the batch is part of the result.
+            (..., N, E) unit embedding and (..., N, C) class logits. The class branch sees how each point differs from
+            the maximum over this batch, so the batch is part of the result.
         """
-        joined = centre if pooled is None else torch.cat([centre, pooled], dim=1)  # (N, 206)
+        joined = centre if pooled is None else torch.cat([centre, pooled], dim=-1)  # (N, 206)
         features = functional.relu(self.features(joined))  # (N, 200)
         embedding = self.embed(features)  # (N, 50)
-        difference = features - features.amax(dim=0)
-        hidden = functional.relu(self.hidden(torch.cat([difference, embedding], dim=1)))
-        return functional.normalize(embedding, dim=1, eps=1e-6), self.classify(hidden)
+        difference = features - features.amax(dim=-2, keepdim=True)
+        hidden = functional.relu(self.hidden(torch.cat([difference, embedding], dim=-1)))
+        return functional.normalize(embedding, dim=-1, eps=1e-6), self.classify(hidden)
 
     def pool_in(self, precision: str) -> None:
         """Make context pooling, nine tenths of the work and more, fast for inference; the rest stays as it is.
@@ -84,7 +81,7 @@ class MCPNet(nn.Module):
             precision: ``bf16``, or ``fp32``: then, on a processor, through oneDNN, whose products of this shape took
                 half the time of torch's default (MKL) on the AMD processor this was measured on.
         """
-        if not self.has_context:
+        if not self.needs_context:
             return
         if precision == "bf16":
             self.context_1.to(torch.bfloat16)

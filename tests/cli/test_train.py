@@ -1,0 +1,241 @@
+"""``mcpseg train`` as people type it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+from typer.testing import CliRunner
+
+from mcpseg_cli.checkpoint import only_writer
+from mcpseg_cli.cli import app
+from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.recording import open_recording, read_scan
+from mcpseg_cli.segmenter import IncrementalSegmenter
+from mcpseg_cli.weights import load_weights
+from tests.areas import CLASSES, write_area
+
+SMALL = ("--batch-size", "64", "--context", "8", "--seed", "3")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    write_area(folder / "Area_1", 6, seed=1)
+    write_area(folder / "more" / "Area_2", 4, seed=2)
+    return folder
+
+
+def invoke(*arguments: object):
+    return CliRunner().invoke(app, ["train", *map(str, arguments)])
+
+
+def arguments(data: Path, output: Path, *options: object) -> list[str]:
+    return [str(word) for word in (data, "--holdout", "2", *SMALL, "-o", output, *options)]
+
+
+def start(words: list[str], stderr=None) -> subprocess.Popen:
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
+    return subprocess.Popen(command, env=environment, stderr=stderr, stdout=subprocess.DEVNULL, text=True)
+
+
+def wait_for(path: Path) -> None:
+    deadline = time.monotonic() + 60
+    while not path.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def trained(data, tmp_path_factory) -> Path:
+    output = tmp_path_factory.mktemp("trained")
+    result = invoke(*arguments(data, output, "--epochs", "4", "-q"))
+    assert result.exit_code == 0, result.stderr
+    return output
+
+
+def test_loss_falls_and_the_files_are_there(trained):
+    record = json.loads((trained / "mcpnet-holdout2.json").read_text())
+    losses = [report["train"]["loss"] for report in record["curves"]]
+    assert losses[-1] < losses[0]
+    assert record["complete"]
+    assert sorted(path.name for path in trained.iterdir()) == [
+        f"mcpnet-holdout2.{end}" for end in ("json", "md", "safetensors")
+    ]
+
+
+def test_the_card_says_what_the_weights_are(trained):
+    weights = load_weights(trained / "mcpnet-holdout2.safetensors")
+    card = (trained / "mcpnet-holdout2.md").read_text()
+    for word in (
+        weights.sha256,
+        "Area_1 (6 scans",
+        "more/Area_2 (4 scans",
+        *CLASSES,
+        "`learning_rate` 0.001",
+    ):
+        assert word in card
+    assert weights.info.classes == CLASSES
+    assert weights.info.num_context == 8
+    assert weights.info.training["data"] == "Area_1"
+    assert card.count("| 0.001 |") == 4  # epochs
+
+
+def test_the_weights_label_scans(trained, data):
+    weights = load_weights(trained / "mcpnet-holdout2.safetensors")
+    segmenter = IncrementalSegmenter(weights, SegmentSettings())
+    area = data / "more" / "Area_2"
+    for source in open_recording(area / "scans", area / "poses.csv")[:2]:
+        update = segmenter.register_scan(read_scan(source, "map", 0.1)[0])
+    assert (update.point_ids >= 0).any()
+
+
+def test_a_killed_training_resumes_to_the_same_weights(data, tmp_path):
+    words = arguments(data, tmp_path / "whole", "--epochs", "30", "-q")
+    assert invoke(*words).exit_code == 0
+    words = arguments(data, tmp_path / "cut", "--epochs", "30", "-q")
+    process = start(words)
+    wait_for(tmp_path / "cut" / "mcpnet-holdout2.checkpoint")
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "cut" / "mcpnet-holdout2.json").exists()
+    assert "--resume to continue it or --overwrite" in invoke(*words).stderr
+    result = invoke(*words, "--resume")
+    assert result.exit_code == 0, result.stderr
+    whole, cut = (load_file(tmp_path / part / "mcpnet-holdout2.safetensors") for part in ("whole", "cut"))
+    assert all(torch.equal(whole[name], cut[name]) for name in whole)
+
+
+def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_path):
+    process = start(arguments(data, tmp_path, "--epochs", "100000"), subprocess.PIPE)
+    wait_for(tmp_path / "mcpnet-holdout2.checkpoint")
+    process.send_signal(signal.SIGINT)
+    stderr = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert "continue with: mcpseg train" in stderr.splitlines()[-1]
+    assert stderr.splitlines()[-1].endswith("--resume")
+    assert load_weights(tmp_path / "mcpnet-holdout2.safetensors").info.classes == CLASSES
+    assert "interrupted after" in (tmp_path / "mcpnet-holdout2.md").read_text()
+    assert (tmp_path / "mcpnet-holdout2.checkpoint").exists()
+
+
+def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
+    options = ("--epochs", "3", "--net", "pointnet", "-q")
+    words = arguments(data, tmp_path / "two", *options)
+    launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m", "mcpseg_cli", "train"]
+    subprocess.run([sys.executable, *launch, *words], check=True, capture_output=True, timeout=120)
+    assert invoke(*arguments(data, tmp_path / "one", *options, "--batches-per-step", "2")).exit_code == 0
+    one, two = (load_file(tmp_path / part / "pointnet-holdout2.safetensors") for part in ("one", "two"))
+    for name in one:
+        torch.testing.assert_close(two[name], one[name], rtol=1e-3, atol=1e-4)
+    records = [json.loads((tmp_path / part / "pointnet-holdout2.json").read_text()) for part in ("one", "two")]
+    losses = [[report["train"]["loss"] for report in record["curves"]] for record in records]
+    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+
+
+def test_json_is_one_document_and_folds_are_a_list(data, tmp_path):
+    result = invoke(
+        data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1", "--json", "-q"
+    )
+    document = json.loads(result.stdout)
+    assert [record["holdout"] for record in document] == [1, 2]
+    assert {path.stem for path in tmp_path.iterdir()} == {"voxnet-holdout1", "voxnet-holdout2"}
+    again = invoke(data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1", "--resume")
+    assert again.stderr.count("nothing to do") == 2
+
+
+def test_everything_can_be_trained_on(data, tmp_path):
+    result = invoke(data, "--holdout", "none", *SMALL, "-o", tmp_path, "--epochs", "1", "--name", "mine", "-q")
+    record = json.loads((tmp_path / "mine.json").read_text())
+    assert result.exit_code == 0
+    assert record["validation"] is None
+    assert "nothing was held out" in (tmp_path / "mine.md").read_text()
+
+
+def test_fine_tuning_for_other_classes(data, trained, tmp_path):
+    table = tmp_path / "classes.csv"
+    table.write_text("label,class\nfloor,ground\nwall,wall\n")
+    first = trained / "mcpnet-holdout2.safetensors"
+    words = (data, "--holdout", "none", "--batch-size", "64", "--init", first, "--classes", table, "--epochs", "1")
+    result = invoke(*words, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert "classes that start afresh: ground" in result.stderr
+    info = load_weights(tmp_path / "out" / "mcpnet-all.safetensors").info
+    assert info.classes == ("ground", "wall")
+    assert info.num_context == 8
+
+
+def test_what_is_there_is_not_overwritten_unasked(data, trained):
+    result = invoke(*arguments(data, trained, "--epochs", "4"))
+    assert result.exit_code == 1
+    assert "mcpnet-holdout2.safetensors: is there; expected a new name" in result.stderr
+
+
+def test_changed_settings_are_named_when_resuming(data, trained):
+    result = invoke(*arguments(data, trained, "--epochs", "4", "--lr", "0.5", "--resume"))
+    assert result.exit_code == 1
+    assert "another learning rate (0.001, not 0.5)" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_second_process_is_refused(data, tmp_path):
+    with only_writer(tmp_path / "mcpnet-holdout2.lock"):
+        result = invoke(*arguments(data, tmp_path))
+    assert result.exit_code == 1
+    assert "in use by another mcpseg" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--holdout", "6"), "no area of number 6; expected one of 1, 2"),
+        (("--holdout", "six"), "--holdout six: not a number; expected one of 1, 2, all or none"),
+        (("--init", "nothing.safetensors"), "nothing.safetensors: No such file"),
+        (("--init", "smoke-test", "--net", "voxnet"), "--init smoke-test: mcpnet; expected voxnet"),
+        (("--device", "cuda:77"), "--device cuda:77: not available here"),
+        (("--classes", "absent.csv"), "absent.csv: No such file"),
+        (("--augment", "absent.json"), "absent.json: No such file"),
+    ],
+)
+def test_bad_input_is_one_line(options, words, data, tmp_path):
+    result = invoke(*arguments(data, tmp_path / "out", *options))
+    assert result.exit_code == 1
+    assert words in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_bad_data_is_one_line(tmp_path):
+    assert "no such folder; expected ray-traced areas" in invoke(tmp_path / "none").stderr
+    (tmp_path / "empty").mkdir()
+    assert "no raytrace.json in it" in invoke(tmp_path / "empty").stderr
+    area = write_area(tmp_path / "d" / "Area_6", 1)
+    assert "only areas of number 6" in invoke(tmp_path / "d").stderr
+    (area / "gt").rename(area / "old")
+    result = invoke(tmp_path / "d")
+    assert result.exit_code == 1
+    assert "Area_6: no gt; expected scans/, gt/ and poses.csv" in result.stderr
+
+
+def test_options_out_of_range_are_usage_errors(data):
+    result = invoke(data, "--lr", "-1")
+    assert result.exit_code == 2
+    assert "--lr: Input should be greater than 0" in result.stderr
+
+
+def test_help_has_examples():
+    assert "Examples:" in invoke("--help").stdout
