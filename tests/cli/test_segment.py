@@ -232,7 +232,9 @@ def test_the_python_of_the_readme_runs(make_recording, tmp_path):
     from mcpseg_cli.recording import open_recording, read_scan
 
     scans = [read_scan(source, "map", 0.1)[0] for source in open_recording(*make_recording(tmp_path / "input"))]
-    code = re.search(r"```python\n(from mcpseg_cli.scan.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
+    code = re.search(
+        r"```python\n(from mcpseg_cli.scan.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL
+    ).group(1)
     names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
     exec(compile(code, "README.md", "exec"), names)  # our own text
     assert names["segmenter"].num_scans == 4
