@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from mcpseg_cli.errors import StateError, StateInUseError, naming
+from mcpseg_cli.errors import StateError, naming
 from mcpseg_cli.objective import Scores
 
 _METADATA = "mcpseg-checkpoint"
@@ -165,27 +163,3 @@ def _differences(before: Mapping[str, JsonValue], now: Mapping[str, JsonValue]) 
         elif old != new:
             is_long = len(f"{old}{new}") > 60
             yield key.replace("_", " ") if is_long else f"{key.replace('_', ' ')} ({old}, not {new})"
-
-
-@contextmanager
-def only_writer(path: Path) -> Iterator[None]:
-    """Be the only process that writes results under a name while the context lasts.
-
-    Args:
-        path: A file to lock; made, and removed at the end.
-
-    Raises:
-        StateInUseError: Another process is.
-        OSError: The folder is not writable.
-    """
-    with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise StateInUseError(
-                f"{path}: in use by another mcpseg; expected one training; wait for it or choose another -o"
-            ) from error
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)

@@ -11,10 +11,11 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcpseg_cli.checkpoint import only_writer, read_checkpoint, write_checkpoint
+from mcpseg_cli.checkpoint import read_checkpoint, write_checkpoint
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import StateError, StateInUseError, TrainingError, WeightsError
 from mcpseg_cli.fine_tuning import adopt
+from mcpseg_cli.lock import exclusive
 from mcpseg_cli.objective import Outcome, Tally, TensorBatch, nearest_is_of_same_object
 from mcpseg_cli.prefetch import ahead
 from mcpseg_cli.samples import Batch
@@ -324,8 +325,8 @@ def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
 
 
 def test_only_one_process_may_write(tmp_path):
-    with only_writer(tmp_path / "a.lock"):
-        with pytest.raises(StateInUseError, match="in use by another mcpseg"), only_writer(tmp_path / "a.lock"):
+    with exclusive(tmp_path, "a.lock"):
+        with pytest.raises(StateInUseError, match="another mcpseg is writing there"), exclusive(tmp_path, "a.lock"):
             pass
         assert (tmp_path / "a.lock").exists()
     assert not (tmp_path / "a.lock").exists()

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from mcpseg_cli.checkpoint import EpochReport, only_writer
+from mcpseg_cli.checkpoint import EpochReport
 from mcpseg_cli.cli.display import notice, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.device import find_device
 from mcpseg_cli.folds import Area, Fold
+from mcpseg_cli.lock import exclusive
 from mcpseg_cli.ranks import Ranks, joined
 from mcpseg_cli.samples import AreaSamples
 from mcpseg_cli.tensorboard_log import TensorBoardLog
@@ -79,7 +80,7 @@ class TrainTask:
             if self.is_first:
                 for _, files in folds:
                     files.check(resume=self.options.resume, overwrite=self.options.overwrite)
-                    stack.enter_context(only_writer(files.path("lock")))
+                    stack.enter_context(exclusive(files.folder, files.path("lock").name))
             stack.enter_context(joined(self.ranks, self.device))
             used = [area for area in areas if any(area in (*fold.training, *fold.validation) for fold, _ in folds)]
             prepared = self._prepare(used)

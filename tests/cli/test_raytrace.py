@@ -147,7 +147,7 @@ def test_without_o_scans_go_to_data_under_the_areas_name(room, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert invoke("raytrace", room, "--step", "2", *COARSE).exit_code == 0
     names = {path.name for path in (tmp_path / "data/room").iterdir()}
-    assert names == {"scans", "gt", "poses.csv", "raytrace.json", ".mcpseg.lock"}
+    assert names == {"scans", "gt", "poses.csv", "raytrace.json"}
 
 
 def test_several_areas_get_a_folder_each(room, tmp_path):

@@ -13,9 +13,9 @@ import torch
 from safetensors.torch import load_file
 from typer.testing import CliRunner
 
-from mcpseg_cli.checkpoint import only_writer
 from mcpseg_cli.cli import app
 from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.lock import exclusive
 from mcpseg_cli.recording import open_recording, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter
 from mcpseg_cli.weights import load_weights
@@ -194,10 +194,10 @@ def test_changed_settings_are_named_when_resuming(data, trained):
 
 
 def test_a_second_process_is_refused(data, tmp_path):
-    with only_writer(tmp_path / "mcpnet-holdout2.lock"):
+    with exclusive(tmp_path, "mcpnet-holdout2.lock"):
         result = invoke(*arguments(data, tmp_path))
     assert result.exit_code == 1
-    assert "in use by another mcpseg" in result.stderr
+    assert "another mcpseg is writing there" in result.stderr
 
 
 @pytest.mark.parametrize(
