@@ -178,7 +178,6 @@ _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 class AugmentSettings(BaseModel):
     """How training batches are changed, each anew; 0 turns a part off. Lengths in metres, colours in 0-255.
 
-    Where nothing else is said, a number is the half-width of a uniform distribution, ``gain: 0.3`` being a factor of
     ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``, ``thinning`` and
     ``floor_lost`` are shares of the batches. The rest, where nothing else is said, is the half-width of a uniform
     distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.

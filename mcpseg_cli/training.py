@@ -145,7 +145,7 @@ class Trainer:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
         each, world = self.settings.batches_per_step, self.ranks.world
         source = self._training.epoch(len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each)
-        with ahead(map(_to_tensors, source), _BATCHES_AHEAD + each) as batches:
+        with ahead(map(to_tensors, source), _BATCHES_AHEAD + each) as batches:
             for _ in range(self._step, self.num_steps):
                 yield [_move(batch, self._device) for batch in islice(batches, each)]
 
@@ -181,7 +181,7 @@ class Trainer:
         world = self.ranks.world
         count = min(len(self._validation), self.settings.validation_batches or len(self._validation)) // world
         source = self._validation.epoch(0, rank=self.ranks.rank, world=world)
-        with ahead(map(_to_tensors, islice(source, max(count, 1))), _BATCHES_AHEAD) as batches:
+        with ahead(map(to_tensors, islice(source, max(count, 1))), _BATCHES_AHEAD) as batches:
             for batch in (_move(batch, self._device) for batch in batches):
                 outcome = self._objective.evaluate(self.network, batch)
                 tally.add(outcome, self._objective.total(outcome), batch)
@@ -307,8 +307,8 @@ def _drop_out_by(seed: int, epoch: int, position: int, *, device: torch.device) 
         yield
 
 
-def _to_tensors(batch: Batch) -> TensorBatch:
-    """Copy a batch into torch's own memory, whose alignment does not change from run to run."""
+def to_tensors(batch: Batch) -> TensorBatch:
+    """Copy a batch into torch's own memory, whose alignment does not change from run to run, on the processor."""
     context = None if batch.context is None else torch.tensor(batch.context)
     return TensorBatch(torch.tensor(batch.centre), context, torch.tensor(batch.semantic), torch.tensor(batch.instance))
 
