@@ -8,6 +8,7 @@ from mcpseg_cli.synthetic.furniture.boards import BOARD_KINDS, make_board
 from mcpseg_cli.synthetic.furniture.bookcases import BOOKCASE_KINDS, make_bookcase
 from mcpseg_cli.synthetic.furniture.chairs import CHAIR_DESIGNS, make_chair
 from mcpseg_cli.synthetic.furniture.clutter import CLUTTER_KINDS, make_clutter
+from mcpseg_cli.synthetic.furniture.home_sofas import make_home_sofa
 from mcpseg_cli.synthetic.furniture.sofas import make_sofa
 from mcpseg_cli.synthetic.furniture.tables import TABLE_DESIGNS, make_table
 from mcpseg_cli.synthetic.solids import area_of
@@ -33,6 +34,7 @@ SIZES = {
     "desk": ((1.1, 0.55, 0.68), (2.0, 0.95, 0.8)), "round": ((0.65, 0.65, 0.68), (1.35, 1.35, 0.8)),
     "conference": ((2.3, 0.9, 0.68), (5.1, 1.6, 0.8)), "trestle": ((1.2, 0.6, 0.68), (2.1, 1.0, 0.8)),
     "coffee": ((0.6, 0.4, 0.3), (1.4, 1.4, 0.55)), "corner": ((1.4, 1.2, 0.68), (2.1, 1.9, 0.8)),
+    "side": ((0.28, 0.28, 0.4), (0.6, 0.6, 0.65)),
     "standing": ((1.1, 0.6, 0.7), (1.9, 0.85, 1.15)), "pedestal": ((0.45, 0.45, 0.68), (0.85, 0.85, 1.1)),
 }  # fmt: skip
 
@@ -46,6 +48,8 @@ def catalogue(seed):
         yield design, "table", [make_table(design, STYLE, rng)]
     for seats in (1, 2, 3):
         yield f"sofa {seats}", "sofa", [make_sofa(seats, STYLE, rng)]
+    for corner in (-1.0, 0.0, 1.0):
+        yield f"home sofa {corner}", "sofa", [make_home_sofa(2, STYLE, rng, corner).item]
     for kind in BOOKCASE_KINDS:
         yield kind, "bookcase", make_bookcase(kind, STYLE, rng)
     for kind in BOARD_KINDS:
@@ -102,7 +106,7 @@ def test_nothing_is_smaller_than_a_mug_or_larger_than_a_meeting_table(seed):
     for name, _, items in catalogue(seed):
         size = np.ptp(items[0].bounds(), axis=0)
         assert size.max() > 0.05, name
-        assert (size < [5.1, 2.0, 2.6]).all(), (name, size)
+        assert (size < [5.1, 3.0, 2.6]).all(), (name, size)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -129,6 +133,16 @@ def test_two_seeds_give_different_furniture():
         sizes = [np.ptp(items[0].bounds(), axis=0) for items in (first, second)]
         same_shape = np.allclose(*sizes, atol=1e-4)
         assert not same_shape or first[0].parts[0].material != second[0].parts[0].material, name
+
+
+@pytest.mark.parametrize("corner", [-1.0, 1.0])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_nothing_of_a_corner_sofa_stands_where_its_table_goes(corner, seed):
+    sofa = make_home_sofa(3, STYLE, np.random.default_rng(seed), corner)
+    xyz = np.concatenate([part.triangles.reshape(-1, 3) for part in sofa.item.parts])
+    before = (np.abs(xyz[:, 0] - sofa.middle) < 0.3) & (xyz[:, 1] > sofa.depth + 0.08)
+    assert xyz[:, 1].max() > sofa.depth + 0.3  # the corner reaches out beside it
+    assert not before.any()
 
 
 def test_there_are_many_kinds_of_clutter():

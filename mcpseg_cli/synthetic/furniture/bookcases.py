@@ -159,6 +159,14 @@ def _low(style: Style, rng: np.random.Generator, filling: np.random.Generator) -
     return _doors(_board_material(style, rng), size, (0.05, size[2] - 0.02), rng), []
 
 
+def _tv_board(style: Style, rng: np.random.Generator, filling: np.random.Generator) -> Filled:
+    """Long low board for a television: shelves, or doors."""
+    size = (rng.uniform(1.2, 2.2), rng.uniform(0.34, 0.5), rng.uniform(0.36, 0.66))
+    if rng.random() < 0.5:
+        return _shelves(_board_material(style, rng), size, rng.choice([0.0, 0.06, 0.12]), rng, filling)
+    return _doors(_board_material(style, rng), size, (0.05, size[2] - 0.02), rng), []
+
+
 def _doors(
     material: Material, size: tuple[float, float, float], span: tuple[float, float], rng: np.random.Generator
 ) -> list[Part]:
@@ -255,5 +263,6 @@ BOOKCASE_KINDS: dict[str, Callable[[Style, np.random.Generator, np.random.Genera
     "glass": _glass,
     "rack": _rack,
     "wall shelf": _wall_shelf,
+    "tv board": _tv_board,
 }
 """Bookcases by kind: what makes their parts and the things on them; the second generator decides the filling."""

@@ -9,6 +9,7 @@ import numpy as np
 from mcpseg_cli.synthetic.furniture import boxes_and_bags as loose
 from mcpseg_cli.synthetic.furniture import desk_things as desk
 from mcpseg_cli.synthetic.furniture import floor_things as floor
+from mcpseg_cli.synthetic.furniture import home_things as home
 from mcpseg_cli.synthetic.furniture import kitchen_and_washroom as wet
 from mcpseg_cli.synthetic.furniture import office_equipment as office
 from mcpseg_cli.synthetic.furniture import plants
@@ -44,7 +45,8 @@ SMALL_THINGS: dict[str, Maker] = {
     "small plant": plants.small_plant, "desk lamp": desk.desk_lamp, "loudspeaker": desk.loudspeaker,
     "printer": desk.printer, "laptop": desk.laptop, "keyboard": desk.keyboard, "monitor": desk.monitor,
     "monitor pair": desk.monitor_pair, "projector": desk.projector, "microwave": wet.microwave,
-    "coffee machine": wet.coffee_machine,
+    "coffee machine": wet.coffee_machine, "table lamp": home.table_lamp, "television": home.television,
+    "bowl": home.bowl, "candles": home.candles,
 }  # fmt: skip
 """What stands on tables, shelves and sills."""
 FLOOR_THINGS: dict[str, Maker] = {
@@ -58,7 +60,9 @@ FLOOR_THINGS: dict[str, Maker] = {
     "cushion": floor.loose_cushion,
     "leaning board": floor.side_slab, "counter": wet.counter, "fridge": wet.fridge,
     "water cooler": wet.water_cooler, "vending machine": wet.vending_machine, "toilet": wet.toilet,
-    "stall wall": wet.stall_wall,
+    "stall wall": wet.stall_wall, "standard lamp": home.standard_lamp, "toys": home.toys,
+    "laundry basket": home.laundry_basket, "clothes": home.clothes, "bed": home.bed, "bath tub": home.bath_tub,
+    "washing machine": home.washing_machine,
 }  # fmt: skip
 """What stands on the floor."""
 WALL_THINGS: dict[str, Maker] = {

@@ -250,6 +250,19 @@ def _pedestal(style: Style, rng: np.random.Generator) -> list[Part]:
     return [table_top(style, rng, outline, height), solid(frame, foot), solid(frame, stem)]
 
 
+def _side(style: Style, rng: np.random.Generator) -> list[Part]:
+    """Small table beside a sofa or a bed: a round one on three legs, or a box with a drawer or a shelf."""
+    across, height = rng.uniform(0.34, 0.52), rng.uniform(0.42, 0.62)
+    if rng.random() < 0.5:
+        frame, angles = frame_material(style, rng), np.arange(3) * 2.1 + rng.uniform(0, 2)
+        ends = [(np.cos(a) * across * 0.42, np.sin(a) * across * 0.42) for a in angles]
+        legs = [slanted((x, y, 0), (x * 0.7, y * 0.7, height - 0.02), (0.03, 0.03)) for x, y in ends]
+        return [table_top(style, rng, ellipse(across, across, 1.0), height), *(solid(frame, leg) for leg in legs)]
+    top = table_top(style, rng, rectangle(across, across * 0.9), height)
+    body = slab(rectangle(across - 0.04, across * 0.9 - 0.04), height - rng.uniform(0.14, 0.4), height - 0.02)
+    return [top, solid(top.material, body), *post_legs((across, across * 0.9), height, style, rng)]
+
+
 TABLE_DESIGNS: dict[str, Callable[[Style, np.random.Generator], list[Part]]] = {
     "desk": _desk,
     "round": _round,
@@ -259,5 +272,6 @@ TABLE_DESIGNS: dict[str, Callable[[Style, np.random.Generator], list[Part]]] = {
     "corner": _corner,
     "standing": _standing,
     "pedestal": _pedestal,
+    "side": _side,
 }
 """Tables by name: what makes their parts."""
