@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from mcpseg_cli.synthetic.catalogue import HOMES
 from mcpseg_cli.synthetic.furnish import furnish_room
-from mcpseg_cli.synthetic.furniture import dressing, public_rooms, work_rooms
+from mcpseg_cli.synthetic.furniture import dressing, living_rooms, private_rooms, public_rooms, work_rooms
 from mcpseg_cli.synthetic.furniture.clutter import CLUTTER_KINDS
 from mcpseg_cli.synthetic.furniture.collisions import Collisions, upright
 from mcpseg_cli.synthetic.furniture.floor_space import FloorSpace
@@ -21,7 +22,8 @@ from tests.test_furniture import STYLE
 SIZES = {
     "hallway": (2.3, 15.0), "office": (4.0, 5.0), "conferenceRoom": (5.0, 7.0), "lounge": (5.5, 6.0),
     "storage": (3.0, 4.0), "openspace": (9.0, 11.0), "lobby": (6.0, 8.0), "pantry": (4.0, 5.0), "copyRoom": (3.0, 4.0),
-    "WC": (3.4, 4.5),
+    "WC": (3.4, 4.5), "livingRoom": (4.2, 5.2), "diningRoom": (3.4, 4.0), "kitchen": (3.0, 3.8), "bedroom": (3.4, 4.2),
+    "study": (2.8, 3.6), "bathroom": (2.4, 3.2),
 }  # fmt: skip
 CASES = [(kind, seed) for kind in SIZES for seed in (0, 1)] + [("office", seed) for seed in range(2, 7)]
 
@@ -102,7 +104,7 @@ def test_nothing_floats(kind, seed):
     tops = [np.unique(np.round(t[np.ptp(t[..., 2], axis=1) < 1e-4][:, 0, 2], 3)) for t in flat]
     for number, item in enumerate(items):
         low, high = item.bounds()
-        on_floor = low[2] < 0.002
+        on_floor = low[2] < 0.002 or item.name == "floor"
         at_wall = (low[:2] - room.low < 0.01).any() or (room.high - high[:2] < 0.01).any()
         at_ceiling = room.ceiling - high[2] < 0.01
         middle = (low + high)[:2] / 2
@@ -153,7 +155,7 @@ def test_a_robot_gets_from_the_door_to_nearly_all_free_floor(kind, seed):
     shape = np.floor((room.high - room.low) / 0.05).astype(int)
     blocked = np.zeros(tuple(shape + 2), bool)
     blocked[[0, -1]] = blocked[:, [0, -1]] = True
-    triangles = np.concatenate([part.triangles for item in items for part in item.parts])
+    triangles = np.concatenate([part.triangles for item in items for part in item.parts if item.name != "floor"])
     cloud = points_on(triangles)
     boxes = [box for box in room.taken if box[1, 2] > room.ceiling - 0.1]
     cells = ((cloud[cloud[:, 2] < 1.5][:, :2] - room.low) / 0.05).astype(int) + 1
@@ -197,7 +199,7 @@ def test_the_same_seed_furnishes_a_room_the_same():
 def test_whatever_a_room_may_hold_is_in_the_catalogue():
     # every random choice of kinds, not only those a few seeds happen to draw
     asked = set()
-    for module in (dressing, public_rooms, work_rooms):
+    for module in (dressing, living_rooms, private_rooms, public_rooms, work_rooms):
         for node in ast.walk(ast.parse(inspect.getsource(module))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in (
                 "wall_clutter",
@@ -216,6 +218,10 @@ def test_whatever_a_room_may_hold_is_in_the_catalogue():
     groups = (dressing._ON_DESKS, dressing._ON_CABINETS, dressing._ON_FLOOR, dressing._ON_SILLS, dressing._OFFICE_WALLS)
     assert {kind for group in groups for kind in group} <= set(CLUTTER_KINDS)
     assert set(work_rooms._CABINETS_AND_SUCH) <= set(CLUTTER_KINDS)
+    homes = (living_rooms.ON_FURNITURE, living_rooms._ON_COFFEE_TABLES, living_rooms._ON_DINING_TABLES)
+    homes += (living_rooms._ON_HOME_FLOORS, living_rooms._ON_HOME_WALLS, private_rooms._ON_COUNTERS)
+    assert {kind for group in homes for kind in group} <= set(CLUTTER_KINDS)
+    assert set(living_rooms._ON_HOME_WALLS) <= set(dressing._ON_WALLS)
 
 
 def test_rooms_hold_what_their_kind_suggests():
@@ -223,6 +229,9 @@ def test_rooms_hold_what_their_kind_suggests():
         "office": {"table", "chair", "bookcase", "clutter"},
         "conferenceRoom": {"table", "chair"},
         "lounge": {"sofa"},
+        "livingRoom": {"sofa", "table", "bookcase", "clutter"},
+        "diningRoom": {"table", "chair"},
+        "bedroom": {"bookcase", "clutter"},
     }
     for kind, classes in wanted.items():
         found = {item.name for seed in (0, 1) for item in furnished(kind, seed)[1]}
@@ -238,6 +247,14 @@ def test_a_hallway_keeps_a_way_of_more_than_a_metre():
         low = spans[spans[:, 0] + spans[:, 1] < 2 * middle, 1].max(initial=room.low[axis])
         high = spans[spans[:, 0] + spans[:, 1] >= 2 * middle, 0].min(initial=room.high[axis])
         assert high - low > 1.1
+
+
+def test_a_corridor_of_a_home_has_no_boards_and_keeps_a_way():
+    for seed in (0, 1):
+        room = make_room("hallway", seed)
+        items = furnish_room(room, HOMES, np.random.default_rng(seed))
+        assert items
+        assert "board" not in {item.name for item in items}
 
 
 def test_a_tiny_room_stays_empty_rather_than_failing():

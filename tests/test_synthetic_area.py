@@ -101,3 +101,13 @@ def test_panoramas_that_fit_leave_colours_mostly_alone():
 def test_making_areas_does_not_need_torch():
     script = "import sys, mcpseg_cli.synthetic; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_homes_hold_sofas_on_one_floor_with_its_rugs():
+    homes = make_building(7, 2, num_rooms=9, spacing=0.08)
+    counts = homes.class_counts()
+    assert counts["sofa"] > 0.03 * sum(counts.values())
+    assert counts["board"] == 0
+    names = [name.split("/")[1] for name in homes.object_names]
+    assert names.count("floor_1") == len(homes.rooms)
+    assert "floor_2" not in names

@@ -9,11 +9,11 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.synthetic import layout
 from mcpseg_cli.synthetic.catalogue import STYLES, style_of
 from mcpseg_cli.synthetic.fittings import leaf_line, wall_of
-from mcpseg_cli.synthetic.layout import REQUIRED, plan_area
+from mcpseg_cli.synthetic.layout import plan_area
 
 
 def plans():
-    counts = [16, 8, 24, 12, 44, 16] * 2
+    counts = [16, 8, 24, 12, 44, 16, 16] * 2
     pairs = enumerate(zip(STYLES * 2, counts, strict=True))
     return [(style, plan_area(style, count, np.random.default_rng(seed))) for seed, (style, count) in pairs]
 
@@ -47,7 +47,7 @@ def test_a_plan_has_the_number_of_rooms_asked_for(count):
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
 def test_every_important_kind_occurs_from_eight_rooms_on(style, rooms):
-    assert {room.kind for room in rooms} >= {*REQUIRED, "hallway"}
+    assert {room.kind for room in rooms} >= {*style.required, "hallway"}
 
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
@@ -60,7 +60,7 @@ def test_corridors_are_connected_and_most_rooms_can_be_entered(style, rooms):
     assert len(reached) >= 0.84 * len(rooms)
 
 
-@pytest.mark.parametrize("number", range(1, 7))
+@pytest.mark.parametrize("number", range(1, 8))
 def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
     for seed in range(50):
         rng = np.random.default_rng([seed, number])
@@ -146,8 +146,17 @@ def test_the_same_seed_draws_the_same_plan():
     ]
 
 
-def test_styles_come_in_turn_and_differ_from_area_seven_on():
-    names = [style_of(number, np.random.default_rng(0)).name for number in range(1, 8)]
-    assert names[:6] == [style.name for style in STYLES]
-    assert names[6] == names[0]
-    assert style_of(7, np.random.default_rng(3)).walls != style_of(1, np.random.default_rng(3)).walls
+def test_styles_come_in_turn_and_differ_from_area_eight_on():
+    names = [style_of(number, np.random.default_rng(0)).name for number in range(1, 14)]
+    assert names[:7] == [style.name for style in STYLES]
+    assert names[7:] == [*names[1:6], names[0]]  # no homes among the crosses
+    assert style_of(8, np.random.default_rng(3)).walls != style_of(2, np.random.default_rng(3)).walls
+
+
+def test_homes_have_the_rooms_of_homes_and_offices_have_none_of_them():
+    kinds = {style.name: set() for style in STYLES}
+    for style, rooms in PLANS:
+        kinds[style.name] |= {room.kind for room in rooms}
+    homes = kinds.pop("homes") - {"hallway"}
+    assert homes <= {"livingRoom", "diningRoom", "kitchen", "bedroom", "study", "bathroom"}
+    assert not any(homes & offices for offices in kinds.values())

@@ -1,4 +1,4 @@
-"""``mcpseg synth``: a procedural office building in the S3DIS folder layout."""
+"""``mcpseg synth``: a procedural building in the S3DIS folder layout."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def synth(
     ] = 0.03,
     style: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="The style of Area_N; default: of this area."),
+        typer.Option(min=1, metavar="N", help="The style of Area_N: 1-6 offices, 7 homes; default: of this area."),
     ] = None,
     jobs: Jobs = None,
     seed: Seed = 0,
@@ -38,9 +38,9 @@ def synth(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a procedural office building.
+    """Make a procedural office building, or homes.
 
-    A floor of an office building as a scanner would have recorded it, in the folder layout of S3DIS: a folder for each
+    A floor of a building as a scanner would have recorded it, in the folder layout of S3DIS: a folder for each
     room, a text file for each object, all 13 classes. The same seed gives the same building. Run the same command again
     to continue after an interruption.
 
@@ -48,6 +48,7 @@ def synth(
     Examples:
       mcpseg synth b/Area_1 --seed 1
       mcpseg synth b/Area_2 --seed 1 --rooms 40 --spacing 0.02
+      mcpseg synth b/Area_7 --seed 1
       mcpseg raytrace b/Area_1 -o b/scans_1
     """
     import json

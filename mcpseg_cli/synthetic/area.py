@@ -25,6 +25,7 @@ from mcpseg_cli.synthetic.catalogue import style_of
 from mcpseg_cli.synthetic.furnish import furnish_room
 from mcpseg_cli.synthetic.layout import plan_area
 from mcpseg_cli.synthetic.plan import Room
+from mcpseg_cli.synthetic.rugs import lay_rugs
 from mcpseg_cli.synthetic.scanner import scan_room
 from mcpseg_cli.synthetic.shell import build_shell
 from mcpseg_cli.synthetic.styles import Style
@@ -77,7 +78,7 @@ def make_area(
     style: int | Style | None = None,
     jobs: int = 1,
 ) -> Iterator[RoomCloud]:
-    """Make one floor of an office building as a labelled point cloud, room by room.
+    """Make one floor of an office building or of homes as a labelled point cloud, room by room.
 
     Args:
         number: Area number from 1; areas of one seed differ by it.
@@ -161,7 +162,7 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
         The room's points.
     """
     rng = np.random.default_rng(seed)
-    items = build_shell(room, style, rng) + furnish_room(room, style, rng)
+    items = lay_rugs(build_shell(room, style, rng) + furnish_room(room, style, rng))
     scan = scan_room(items, room, style, spacing, rng)
     order = np.argsort(scan.item, kind="stable")
     ends = np.cumsum(np.bincount(scan.item, minlength=len(items)))

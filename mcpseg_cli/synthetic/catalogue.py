@@ -1,13 +1,16 @@
-"""The buildings to choose from: six styles that differ as S3DIS's areas do, and how more are drawn from them."""
+"""The buildings to choose from: six styles of office that differ as S3DIS's areas do, homes, and how more are drawn."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from mcpseg_cli.synthetic.materials import Colour, Material
 from mcpseg_cli.synthetic.styles import Style
+
+Choice = TypeVar("Choice")
 
 _CHROME: tuple[Colour, ...] = ((176, 178, 180), (120, 122, 126), (48, 48, 50))
 _DARK: tuple[Colour, ...] = ((38, 38, 40), (60, 60, 64), (92, 92, 96))
@@ -127,17 +130,57 @@ WHITE = Style(
     kinds=(("office", 12), ("conferenceRoom", 5), ("lounge", 3), ("openspace", 3), ("storage", 2), ("pantry", 1),
         ("copyRoom", 1), ("WC", 1), ("lobby", 1)),
 )  # fmt: skip
-STYLES: tuple[Style, ...] = (MODERN, BRICK, LAB, COWORKING, SEVENTIES, WHITE)
+HOMES = Style(
+    "homes", _OAK + _WALNUT + (*_BEECH, (232, 230, 224), (52, 42, 38), (44, 42, 42)),
+    (
+        (46, 44, 46), (62, 60, 62), (96, 94, 92), (138, 132, 124), (176, 164, 146), (206, 196, 178), (70, 52, 42),
+        (104, 76, 56), (38, 46, 66), (54, 72, 92), (34, 62, 56), (84, 92, 62), (104, 36, 40), (134, 70, 48),
+        (172, 124, 52), (112, 72, 92),
+    ),
+    (*_DARK, (176, 178, 180), (168, 134, 76)), ((228, 226, 220), (70, 70, 74), (40, 40, 42), (150, 60, 50)),
+    ("weave", "weave", "plain", "leather", "checks", "stripes", "print"), ("wood", "wood", "plain", "marble"),
+    ("four-leg", "armchair", "cantilever", "stool"), ("round", "coffee", "trestle"), 0.35,
+    walls=((226, 218, 202), (212, 200, 178), (196, 184, 166), (232, 228, 220), (176, 172, 160), (188, 176, 150)),
+    accents=((128, 62, 50), (62, 84, 78), (70, 78, 98), (150, 118, 78), (96, 84, 72), (58, 60, 64)),
+    wall_patterns=("plaster", "print", "plain", "wood", "brick"),
+    floors=(
+        Material("wood", (104, 66, 42), (70, 44, 28), 0.11), Material("wood", (74, 50, 36), (50, 34, 26), 0.13),
+        Material("wood", (150, 104, 62), (110, 72, 40), 0.1), Material("wood", (126, 82, 50), (88, 56, 34), 0.14),
+        Material("wood", (184, 146, 100), (146, 108, 70), 0.16),
+        Material("carpet", (138, 122, 100), (110, 96, 78), 0.4),
+    ),
+    hall_floors=(
+        Material("wood", (112, 74, 48), (78, 50, 32), 0.12), Material("tiles", (150, 138, 120), (108, 100, 90), 0.33),
+        Material("tiles", (112, 106, 98), (80, 76, 72), 0.45), Material("tiles", (186, 178, 164), (132, 126, 118), 0.3),
+    ),
+    ceilings=("plaster", "plaster", "boards"), lamps=("pendant", "globe", "pendant", "downlight"),
+    glazing=("single", "single", "single", "full"), doors=("panelled", "wood", "painted"), height=(2.4, 2.9),
+    glass_walls=0.0, beams=0.1, columns=0.1, ducts=0.0, feature_walls=0.18, kelvin=(2100, 3200), daylight=(0.0, 0.5),
+    exposure=(0.4, 0.95),
+    kinds=(("livingRoom", 10), ("bedroom", 3), ("diningRoom", 2), ("kitchen", 1), ("study", 2), ("bathroom", 1)),
+    required=("livingRoom", "bedroom", "kitchen", "diningRoom", "livingRoom", "bathroom"), depth=(3.1, 4.7),
+    hall_width=(1.3, 1.9), lamp_pitch=(3.0, 5.5), lamps_off=0.35, shades=(0.2, 0.1, 0.15, 0.55),
+    white_balance=(0.1, 0.75), is_public=False,
+)  # fmt: skip
+OFFICES: tuple[Style, ...] = (MODERN, BRICK, LAB, COWORKING, SEVENTIES, WHITE)
+STYLES: tuple[Style, ...] = (*OFFICES, HOMES)
 
 
 def style_of(number: int, rng: np.random.Generator) -> Style:
-    """Draw the style of area ``number`` (from 1): one of ``STYLES`` in turn, with colours and habits varied.
+    """Draw the style of area ``number`` (from 1), its colours and habits varied.
 
-    From area 7 on, the surfaces of one style meet the furniture of another, so that no two areas are alike.
+    Areas 1-6 are ``OFFICES`` in turn and area 7 is ``HOMES``, with a few of its floors, paints and covers. From area 8
+    on, the surfaces of one office meet the furniture of another, so that no two areas are alike.
     """
-    style = STYLES[(number - 1) % len(STYLES)]
-    if number > len(STYLES):
-        other = STYLES[int(rng.integers(len(STYLES)))]
+    style = HOMES if number == len(STYLES) else OFFICES[(number - 1) % len(OFFICES)]
+    if number == len(STYLES):
+        style = replace(
+            style, wood=_some(style.wood, 3, rng), upholstery=_some(style.upholstery, 6, rng),
+            walls=_some(style.walls, 3, rng), floors=_some(style.floors, 3, rng),
+            hall_floors=_some(style.hall_floors, 2, rng),
+        )  # fmt: skip
+    elif number > len(STYLES):
+        other = OFFICES[int(rng.integers(len(OFFICES)))]
         style = replace(
             style, wood=other.wood, upholstery=other.upholstery, fabric=other.fabric,
                 chairs=style.chairs + other.chairs,
@@ -158,6 +201,11 @@ def style_of(number: int, rng: np.random.Generator) -> Style:
         glass_walls=float(np.clip(style.glass_walls + rng.normal(0, 0.08), 0, 1)),
         hall_seed=int(rng.integers(1 << 31)),
     )
+
+
+def _some(choices: tuple[Choice, ...], count: int, rng: np.random.Generator) -> tuple[Choice, ...]:
+    """Return so many of the choices in random order."""
+    return tuple(choices[index] for index in rng.permutation(len(choices))[:count])
 
 
 def _vary(colours: tuple[Colour, ...], rng: np.random.Generator) -> tuple[Colour, ...]:

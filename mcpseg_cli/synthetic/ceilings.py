@@ -39,14 +39,16 @@ def build_ceiling(room: Room, style: Style, rng: np.random.Generator, finish: np
         finish: Those that the surface and the kind of lamp are drawn from.
 
     Returns:
-        One ``ceiling`` and ``clutter`` for lamps (the burning ones glow), vents and detectors, in the map frame.
+        One ``ceiling`` and ``clutter`` for lamps (the burning ones glow), in public buildings also for vents and
+        detectors, in the map frame.
     """
     (x0, y0), (x1, y1) = room.low, room.high
     sheet = quad((x0, y1, room.ceiling), (x1 - x0, 0, 0), (0, y0 - y1, 0))
     items = [Item("ceiling", (part_of(sheet, _face(room.ceiling_kind, style, finish)),))]
     taken = [np.stack([f.low[:2], f.high[:2]]) for f in room.fixtures]
     items += _lamps(room, style, taken, rng, finish)
-    items += _small(room, taken, rng)
+    if style.is_public:
+        items += _small(room, taken, rng)
     return items
 
 
@@ -80,8 +82,8 @@ def _lamps(
     """Hang lamps in rows; a room may have them all off, and single ones fail."""
     kind = style.lamps[int(finish.integers(len(style.lamps)))]
     colour = kelvin_colour(finish.uniform(*style.kelvin))
-    glow = 0.0 if rng.random() < 0.1 else rng.uniform(0.8, 2.5)
-    pitch = rng.uniform(1.8, 3.2) if kind != "downlight" else rng.uniform(1.2, 1.8)
+    glow = 0.0 if rng.random() < style.lamps_off else rng.uniform(0.8, 2.5)
+    pitch = rng.uniform(*style.lamp_pitch) if kind != "downlight" else rng.uniform(1.2, 1.8)
     size = room.high - room.low
     counts = np.maximum(1, np.round(size / pitch)).astype(int)
     metal = pick_metal(style, rng)

@@ -149,7 +149,7 @@ def _service_doors(room: Room, rng: np.random.Generator) -> Room:
 
 def _windows(room: Room, style: Style, rng: np.random.Generator) -> Room:
     """Put windows into the walls to the street."""
-    if room.kind in ("storage", "WC", "copyRoom") and rng.random() < 0.7:
+    if room.kind in ("storage", "WC", "copyRoom", "bathroom") and rng.random() < 0.7:
         return room
     openings = list(room.openings)
     glazing = style.glazing[int(rng.integers(len(style.glazing)))]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcpseg_cli.synthetic.furniture import public_rooms, work_rooms
+from mcpseg_cli.synthetic.furniture import living_rooms, private_rooms, public_rooms, work_rooms
 from mcpseg_cli.synthetic.furniture.placement import Placement
 from mcpseg_cli.synthetic.plan import Room, RoomKind
 from mcpseg_cli.synthetic.solids import Item
@@ -23,6 +23,12 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "pantry": public_rooms.furnish_pantry,
     "copyRoom": work_rooms.furnish_copy_room,
     "WC": public_rooms.furnish_washroom,
+    "livingRoom": living_rooms.furnish_living_room,
+    "diningRoom": living_rooms.furnish_dining_room,
+    "kitchen": private_rooms.furnish_kitchen,
+    "bedroom": private_rooms.furnish_bedroom,
+    "study": private_rooms.furnish_study,
+    "bathroom": private_rooms.furnish_bathroom,
 }
 
 
@@ -39,8 +45,12 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
         rng: Decides everything else; the same state gives the same furniture.
 
     Returns:
-        The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of class window.
+        The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of class window,
+        rugs of class floor: ``lay_rugs`` joins them with the room's.
     """
     placement = Placement(room, style, rng)
-    _ROOMS[room.kind](placement)
+    if room.kind == "hallway" and not style.is_public:
+        private_rooms.furnish_corridor(placement)
+    else:
+        _ROOMS[room.kind](placement)
     return placement.items

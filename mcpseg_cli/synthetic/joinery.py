@@ -167,7 +167,7 @@ def build_windows(room: Room, style: Style, daylight: float, rng: np.random.Gene
     colour = pick_colour(((228, 226, 220), (70, 72, 74), (150, 152, 154), (110, 84, 60)), rng)
     trim = paint(colour, rng, "plain" if rng.random() < 0.7 else "metal")
     shades: tuple[Shade, ...] = ("none", "slats", "roller", "curtain")
-    shade = shades[int(rng.choice(4, p=(0.35, 0.3, 0.2, 0.15)))]
+    shade = shades[int(rng.choice(4, p=style.shades))]
     cloth = paint(pick_colour(style.walls + style.accents, rng), rng, "weave" if shade == "curtain" else "plain")
     glass = _glass(daylight, rng)
     items = []

@@ -14,13 +14,19 @@ from mcpseg_cli.synthetic.styles import Style
 Rectangle = tuple[float, float, float, float]
 """Lowest x, lowest y, highest x, highest y."""
 
-REQUIRED: tuple[RoomKind, ...] = ("office", "conferenceRoom", "lounge", "storage", "openspace")
 _WIDTHS: dict[RoomKind, tuple[float, float]] = {
     "office": (2.6, 5.2), "conferenceRoom": (4.0, 8.0), "lounge": (4.0, 8.0), "storage": (2.5, 4.5),
         "openspace": (7.0, 11.5),
     "pantry": (2.6, 4.5), "copyRoom": (2.5, 4.0), "WC": (2.5, 4.5), "lobby": (6.0, 9.0), "hallway": (2.0, 2.0),
+    "livingRoom": (3.5, 5.6), "diningRoom": (3.0, 4.4), "kitchen": (2.4, 4.0), "bedroom": (2.9, 4.4),
+    "study": (2.4, 3.6), "bathroom": (1.9, 2.8),
 }  # fmt: skip
-_SHALLOW = ("storage", "copyRoom", "pantry", "WC")
+_SHALLOW = ("storage", "copyRoom", "pantry", "WC", "bathroom", "kitchen")
+_AT_MOST: dict[RoomKind, tuple[int, int]] = {
+    "openspace": (1, 9), "storage": (2, 12), "WC": (1, 20), "pantry": (1, 20), "bathroom": (1, 8), "study": (1, 8),
+    "kitchen": (1, 6),
+}  # fmt: skip
+"""So many, and another for every so many rooms of any kind."""
 
 
 @dataclass
@@ -89,11 +95,12 @@ class Strip:
 
 
 def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Room]:
-    """Draw the plan of one floor of an office building.
+    """Draw the plan of one floor of a building.
 
     Args:
         style: The building's.
-        num_rooms: Rooms, corridors among them; at least 2. With 8 or more there is one of each kind in ``REQUIRED``.
+        num_rooms: Rooms, corridors among them; at least 2. With 8 or more every kind the style requires is
+            among them.
         rng: Random numbers.
 
     Returns:
@@ -110,7 +117,7 @@ def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Ro
         halls = _corridors(style, kinds, num_halls, (1.0 + 0.06 * attempt) * _length(kinds, style), rng)
         if not _join(halls, height, rng):
             continue
-        rooms = _line_up(halls, kinds, height, rng)
+        rooms = _line_up(halls, kinds, height, style, rng)
         if len(rooms) == len(kinds):
             return _finish(halls + rooms, style, rng)
     found, expected = f"no plan found for {num_rooms} rooms", "rooms that fit along corridors"
@@ -118,11 +125,11 @@ def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Ro
 
 
 def _kinds(style: Style, count: int, rng: np.random.Generator) -> list[RoomKind]:
-    """Draw what rooms are for, those in ``REQUIRED`` among them, in random order."""
+    """Draw what rooms are for, those the style requires among them, in random order."""
     names = [kind for kind, _ in style.kinds]
     weights = np.array([weight for _, weight in style.kinds])
-    kinds: list[RoomKind] = list(REQUIRED[:count])
-    limits = {"openspace": 1 + count // 9, "storage": 2 + count // 12, "WC": 1 + count // 20, "pantry": 1 + count // 20}
+    kinds: list[RoomKind] = list(style.required[:count])
+    limits = {kind: first + count // more for kind, (first, more) in _AT_MOST.items()}
     while len(kinds) < count:
         kind = names[int(rng.choice(len(names), p=weights / weights.sum()))]
         if kinds.count(kind) < limits.get(kind, count):
@@ -137,7 +144,7 @@ def _length(kinds: list[RoomKind], style: Style) -> float:
 
 def _corridors(style: Style, kinds: list[RoomKind], count: int, length: float, rng: np.random.Generator) -> list[Space]:
     """Draw the boxes of the corridors: legs of the chosen shape, each cut into ``count`` pieces in all."""
-    width = rng.uniform(1.7, 2.7)
+    width = rng.uniform(*style.hall_width)
     shapes = [shape for shape in style.corridors if {"straight": 1, "L": 2, "T": 2, "U": 3, "loop": 4}[shape] <= count]
     shape = shapes[int(rng.integers(len(shapes)))] if shapes else "straight"
     if shape == "straight":
@@ -222,7 +229,9 @@ def _overlaps(box: Rectangle, others: list[Rectangle], margin: float) -> bool:
     )
 
 
-def _line_up(halls: list[Space], kinds: list[RoomKind], height: float, rng: np.random.Generator) -> list[Space]:
+def _line_up(
+    halls: list[Space], kinds: list[RoomKind], height: float, style: Style, rng: np.random.Generator
+) -> list[Space]:
     """Place rooms along the corridors, each with a door; stop at the first that does not fit anywhere."""
     wall = rng.uniform(0.1, 0.25)
     strips = []
@@ -230,7 +239,7 @@ def _line_up(halls: list[Space], kinds: list[RoomKind], height: float, rng: np.r
         x0, y0, x1, y1 = hall.box
         for side in (0, 2) if x1 - x0 > y1 - y0 else (1, 3):
             start = hall.reach(side)[0] + (-rng.uniform(0, 1.0) if len(halls) == 1 else 0.0)
-            strips.append((hall, Strip(hall.box, side, rng.uniform(4.2, 6.6), wall, start)))
+            strips.append((hall, Strip(hall.box, side, rng.uniform(*style.depth), wall, start)))
     placed: list[Space] = []
     for kind in kinds:
         width = rng.uniform(*_WIDTHS[kind])
@@ -348,7 +357,7 @@ def _beyond(box: Rectangle, side: int) -> Rectangle:
 
 def _connect_neighbours(spaces: list[Space], rng: np.random.Generator) -> None:
     """Give some rooms a second door, to the room beside them."""
-    rooms = [space for space in spaces if space.kind not in ("hallway", "WC")]
+    rooms = [space for space in spaces if space.kind not in ("hallway", "WC", "bathroom")]
     for number, first in enumerate(rooms):
         for second in rooms[number + 1 :]:
             side, low, high, gap = _facing(first.box, second.box)

@@ -56,7 +56,7 @@ def _exposed(painted: Floats, light: Floats, glow: Floats, style: Style, rng: np
     """Return the (N, 3) light that reaches the film, 0-1 where it is neither too dark nor too bright."""
     contrast = np.float32(rng.uniform(0.6, 1.0))  # cameras squeeze the range between lit and dark places
     cast = light.mean(axis=0) / max(float(light.mean()), 1e-6)
-    lit = np.maximum(light, 1e-4) ** contrast * cast ** np.float32(-rng.uniform(0.4, 0.95))
+    lit = np.maximum(light, 1e-4) ** contrast * cast ** np.float32(-rng.uniform(*style.white_balance))
     lit += np.minimum(glow, 2.0)[:, None] * np.float32(1.6)
     colour = (painted / 255) ** 2.2 * lit
     usual = np.median(colour[:: max(1, len(colour) // 20000)].mean(axis=1)) if len(colour) else 1.0

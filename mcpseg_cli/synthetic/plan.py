@@ -1,4 +1,4 @@
-"""The floor plan of an office building: rooms along corridors, with their doors, windows and columns."""
+"""The floor plan of a building: rooms along corridors, with their doors, windows and columns."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 RoomKind = Literal[
-    "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry", "copyRoom", "WC"
-]
-"""Names as S3DIS uses them; a room is called ``kind_number``."""
+    "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry", "copyRoom", "WC",
+    "livingRoom", "diningRoom", "kitchen", "bedroom", "study", "bathroom",
+]  # fmt: skip
+"""Names as S3DIS uses them, then those of homes; a room is called ``kind_number``."""
 CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
 DOUBLE_DOOR_WIDTH = 1.3
 """Wider doors have two leaves, metres."""

@@ -15,6 +15,7 @@ from mcpseg_cli.synthetic.plan import Fixture, Opening, Room
 from mcpseg_cli.synthetic.solids import Item, Part, Triangles, box, circle, part_of, prism, quad, shifted, tube
 from mcpseg_cli.synthetic.styles import Style, paint, pick_colour, pick_metal, pick_wood
 
+_HALL_FLOORS = ("hallway", "WC", "storage", "copyRoom", "lobby", "kitchen", "bathroom")
 _MAIN_FLOOR = 0.7  # share of rooms that have the building's main covering for sure
 
 
@@ -45,7 +46,7 @@ def build_shell(room: Room, style: Style, rng: np.random.Generator) -> list[Item
     items += _fixtures(room, wall, trim, skirting, style, rng)
     items += build_doors(room, style, rng)
     items += build_windows(room, style, daylight, rng)
-    items += _fittings(room, rng)
+    items += _fittings(room, style, rng)
     return items
 
 
@@ -91,7 +92,7 @@ def _feature(style: Style, rng: np.random.Generator) -> Material:
 
 def _floor(room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator) -> Item:
     """Lay the floor, out to the middle of the walls in doors and passages; ``finish`` draws the covering."""
-    choices = style.hall_floors if room.kind in ("hallway", "WC", "storage", "copyRoom", "lobby") else style.floors
+    choices = style.hall_floors if room.kind in _HALL_FLOORS else style.floors
     covering = choices[int(finish.integers(len(choices)))] if finish.random() > _MAIN_FLOOR else choices[0]
     covering = replace(covering, seed=int(finish.integers(1 << 30)))
     (x0, y0), (x1, y1) = room.low, room.high
@@ -107,7 +108,7 @@ def _floor(room: Room, style: Style, rng: np.random.Generator, finish: np.random
 
 def _dado(room: Room, style: Style, rng: np.random.Generator) -> tuple[float, Material] | None:
     """Draw the height and surface of the lower part of the walls where it differs: tiles, paint, panels."""
-    if room.kind == "WC" or (room.kind == "pantry" and rng.random() < 0.5):
+    if room.kind in ("WC", "bathroom") or (room.kind in ("pantry", "kitchen") and rng.random() < 0.5):
         return rng.uniform(1.4, 2.2), paint((214, 214, 208), rng, "tiles", rng.uniform(0.1, 0.3))
     if rng.random() > 0.08:
         return None
@@ -131,7 +132,7 @@ def _wall(
         if len(sheet):
             parts.append(part_of(on_wall(sheet, room, side), material))
     parts += [part_of(on_wall(_reveal(o), room, side), face) for o in openings if o.kind != "door"]
-    if skirting and room.kind != "WC":
+    if skirting and room.kind not in ("WC", "bathroom"):
         gaps = [o for o in openings if o.low < skirting]
         for a, b in _spans(start, end, gaps, 0.06):
             parts.append(part_of(on_wall(box((a, 0, 0), (b, 0.012, skirting)), room, side), trim))
@@ -250,9 +251,10 @@ def _duct(room: Room, fixture: Fixture, style: Style, rng: np.random.Generator) 
     return Item("clutter", tuple(parts))
 
 
-def _fittings(room: Room, rng: np.random.Generator) -> list[Item]:
-    """Put switches, sockets, signs, extinguishers and conduits on the walls."""
+def _fittings(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
+    """Put switches, sockets and conduits on the walls, in public buildings signs and extinguishers too."""
     items = []
+    is_public_hall = room.kind == "hallway" and style.is_public
     white, grey = paint((228, 226, 218), rng), paint((150, 150, 148), rng, "metal")
     for side in range(4):
         low = [s for s in free_stretches(room, side, 0.12, 0.0, 1.6) if s[1] - s[0] > 0.5]
@@ -261,8 +263,8 @@ def _fittings(room: Room, rng: np.random.Generator) -> list[Item]:
                 plate = box((x, 0, 0.24), (x + rng.uniform(0.08, 0.24), 0.011, 0.32))
                 items.append(Item("clutter", (part_of(on_wall(plate, room, side), white),)))
         for door in [o for o in room.openings if o.kind == "door" and o.side == side]:
-            items += _beside_door(room, door, low, white, grey, rng)
-        if room.kind == "hallway" and low and rng.random() < 0.4:
+            items += _beside_door(room, door, low, white, rng, is_public_hall=is_public_hall)
+        if is_public_hall and low and rng.random() < 0.4:
             a, b = low[int(rng.integers(len(low)))]
             items.append(_extinguisher(room, side, rng.uniform(a + 0.1, b - 0.1), rng))
         if low and rng.random() < 0.1:
@@ -278,20 +280,20 @@ def _beside_door(
     door: Opening,
     free: list[tuple[float, float]],
     white: Material,
-    grey: Material,
     rng: np.random.Generator,
+    *,
+    is_public_hall: bool,
 ) -> list[Item]:
-    """Put a switch (inside) or a name plate (in corridors) beside a door, and a sign above some."""
+    """Put a switch (inside) or a name plate (in public corridors) beside a door, and a sign above some."""
     items = []
-    is_hall = room.kind == "hallway"
     for x in (door.end + 0.14, door.start - 0.22):
         if any(a <= x and x + 0.14 <= b for a, b in free):
-            wide, low, high = (0.14, 1.45, 1.6) if is_hall else (0.08, 1.05, 1.13)
+            wide, low, high = (0.14, 1.45, 1.6) if is_public_hall else (0.08, 1.05, 1.13)
             plate = on_wall(box((x, 0, low), (x + wide, 0.011, high)), room, door.side)
-            face = Material("paper", (214, 214, 210), (60, 60, 66), 0.1, white.seed) if is_hall else white
+            face = Material("paper", (214, 214, 210), (60, 60, 66), 0.1, white.seed) if is_public_hall else white
             items.append(Item("clutter", (part_of(plate, face),)))
             break
-    if is_hall and rng.random() < 0.15 and door.high + 0.35 < room.ceiling:
+    if is_public_hall and rng.random() < 0.15 and door.high + 0.35 < room.ceiling:
         x = (door.start + door.end) / 2
         sign = on_wall(box((x - 0.15, 0, door.high + 0.1), (x + 0.15, 0.03, door.high + 0.26)), room, door.side)
         items.append(Item("clutter", (part_of(sign, Material("print", (40, 140, 84), (230, 240, 232), 0.1, 1, 0.25)),)))

@@ -51,6 +51,14 @@ class Style:
         exposure: Exposure of the camera, lowest and highest; 1 is right.
         kinds: How often each kind of room occurs.
         corridors: Shapes of the corridor network.
+        required: Kinds of room that every building of eight rooms or more has.
+        depth: How deep rooms are, lowest and highest, metres.
+        hall_width: How wide corridors are, lowest and highest, metres.
+        lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights hang closer.
+        lamps_off: Share of rooms whose ceiling lamps are off.
+        shades: How often windows have nothing before them, slats, a roller blind and curtains.
+        white_balance: How much of the colour of the light the camera takes out, lowest and highest; 1 is all of it.
+        is_public: Whether there are signs, extinguishers, vents and sprinklers.
         hall_seed: What the floor, walls and ceiling that all corridors share are drawn from.
     """
 
@@ -84,6 +92,14 @@ class Style:
     exposure: tuple[float, float] = (0.7, 1.2)
     kinds: tuple[tuple[RoomKind, float], ...] = (("office", 1.0),)
     corridors: tuple[CorridorShape, ...] = ("straight", "L", "U", "T", "loop")
+    required: tuple[RoomKind, ...] = ("office", "conferenceRoom", "lounge", "storage", "openspace")
+    depth: tuple[float, float] = (4.2, 6.6)
+    hall_width: tuple[float, float] = (1.7, 2.7)
+    lamp_pitch: tuple[float, float] = (1.8, 3.2)
+    lamps_off: float = 0.1
+    shades: tuple[float, float, float, float] = (0.35, 0.3, 0.2, 0.15)
+    white_balance: tuple[float, float] = (0.4, 0.95)
+    is_public: bool = True
     hall_seed: int = 0
 
 

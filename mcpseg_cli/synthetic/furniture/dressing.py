@@ -158,7 +158,7 @@ def dress_top(placement: Placement, support: Placed, kinds: Sequence[str] = _ON_
         placement.on_top(support, make_clutter(str(kind), placement.style, placement.rng), yaw=0.0, tries=5)
 
 
-def bookcases(placement: Placement, count: int, kinds: Sequence[str]) -> None:
+def bookcases(placement: Placement, count: int, kinds: Sequence[str], on_top: Sequence[str] = _ON_CABINETS) -> None:
     """Place bookcases along walls, mostly side by side and alike, with things on top of them."""
     rng, near = placement.rng, None
     kind, form = str(rng.choice(np.array(kinds))), int(rng.integers(1 << 30))
@@ -171,7 +171,7 @@ def bookcases(placement: Placement, count: int, kinds: Sequence[str]) -> None:
             continue
         near = placed
         if placed.size[2] < placement.room.ceiling - 0.5 and kind in ("low", "cupboard", "open", "glass"):
-            dress_top(placement, placed, mean=3.0 if placed.size[2] < 1.3 else 2.5 * placement.mess() + 0.3)
+            dress_top(placement, placed, on_top, mean=3.0 if placed.size[2] < 1.3 else 2.5 * placement.mess() + 0.3)
 
 
 def wall_shelves(placement: Placement, mean: float) -> None:

@@ -61,6 +61,7 @@ class Placement:
         """Start with the bare room: what is taken, its doors and windows keep furniture off."""
         self.room, self.style, self.rng = room, style, rng
         self.placed: list[Placed] = []
+        self.rugs: list[Item] = []
         self.size = room.high - room.low
         self._floor = FloorSpace(room)
         self._solids, self._windows = Collisions(), Collisions()
@@ -73,7 +74,7 @@ class Placement:
     @property
     def items(self) -> list[Item]:
         """Everything placed so far, map frame."""
-        return [item for placed in self.placed for item in placed.items]
+        return [item for placed in self.placed for item in placed.items] + self.rugs
 
     def mess(self) -> float:
         """Return how untidy the building is, 0-1."""

@@ -114,14 +114,8 @@ def furnish_lobby(placement: Placement) -> None:
 
 def furnish_hallway(placement: Placement) -> None:
     """A few things along one wall; a way of 1.15 m through the whole length stays free."""
-    rng, along = placement.rng, int(np.argmax(placement.size))
-    length = float(placement.size[along])
-    low, high = np.append(placement.room.low, 0.0), np.append(placement.room.high, 2.1)
-    spare, flat = max(float(placement.size[1 - along]) - _PASSAGE, 0.0), 0.12
-    rich = placement.chance(0.5)  # which wall has furniture
-    low[1 - along] += min(flat, spare / 2) if rich else spare - min(flat, spare / 2)
-    high[1 - along] = low[1 - along] + _PASSAGE
-    placement.keep_free(low.tolist(), high.tolist())
+    rng, length = placement.rng, float(placement.size.max())
+    keep_passage(placement, _PASSAGE)
     windows(placement)
     for _ in range(placement.times(0.09 * length)):
         board(placement, ("pin board", "pin board", "whiteboard"))
@@ -156,6 +150,17 @@ def furnish_hallway(placement: Placement) -> None:
     )
 
 
+def keep_passage(placement: Placement, width: float) -> None:
+    """Keep a way of a width free along a corridor, nearer to one of its walls."""
+    along = int(np.argmax(placement.size))
+    low, high = np.append(placement.room.low, 0.0), np.append(placement.room.high, 2.1)
+    spare, flat = max(float(placement.size[1 - along]) - width, 0.0), 0.12
+    rich = placement.chance(0.5)  # which wall has furniture
+    low[1 - along] += min(flat, spare / 2) if rich else spare - min(flat, spare / 2)
+    high[1 - along] = low[1 - along] + width
+    placement.keep_free(low.tolist(), high.tolist())
+
+
 def furnish_pantry(placement: Placement) -> None:
     """A counter with cupboards over it, a fridge, machines, tables with chairs or stools."""
     rng = placement.rng
@@ -180,7 +185,7 @@ def furnish_pantry(placement: Placement) -> None:
     if placement.chance(0.4):
         placement.against_wall(make_clutter("vending machine", placement.style, rng))
     for _ in range(int(np.clip(placement.size.prod() / 6, 1, 5))):
-        _eating_place(placement)
+        eating_place(placement)
     if top is None and placement.chance(0.5):
         placement.hang(make_clutter("wall cupboard", placement.style, rng), 1.45)
     wall_clutter(placement, 3.0, ("picture", "clock", "towel box", "wall box", "picture"))
@@ -191,7 +196,7 @@ def furnish_pantry(placement: Placement) -> None:
     )
 
 
-def _eating_place(placement: Placement) -> None:
+def eating_place(placement: Placement) -> None:
     """Place a small table with chairs, or a high one with stools."""
     rng = placement.rng
     if placement.chance(0.4):
