@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,13 +67,25 @@ def find_areas(data: Path) -> list[Area]:
     if not data.is_dir():
         raise InputError(data, "no such folder", "ray-traced areas", "make them with 'mcpseg raytrace', or give DATA")
     next(data.iterdir(), None)  # a folder that may not be read is an error, not empty
-    records = sorted(data.rglob(RECORD))
+    records = sorted(_records(data))
     if not records:
         raise InputError(data, f"no {RECORD} in it", "ray-traced areas", "make them with 'mcpseg raytrace'")
     for record in records:
         _check_area(record)
     folders = [record.parent for record in records]
     return [Area(folder, _name(folder, data), _number(folder)) for folder in folders]
+
+
+def _records(folder: Path) -> Iterator[Path]:
+    """Yield the records in a folder and in the folders in it; links are followed, into no folder twice."""
+    seen = set()
+    for path, names, files in os.walk(folder, followlinks=True):
+        if (real := os.path.realpath(path)) in seen:
+            names.clear()
+            continue
+        seen.add(real)
+        if RECORD in files:
+            yield Path(path, RECORD)
 
 
 def _check_area(record: Path) -> None:
@@ -89,11 +102,11 @@ def _check_area(record: Path) -> None:
 
 
 def _name(folder: Path, data: Path) -> str:
-    return folder.resolve().name if folder == data else folder.relative_to(data).as_posix()
+    return folder.absolute().name if folder == data else folder.relative_to(data).as_posix()
 
 
 def _number(folder: Path) -> int | None:
-    found = re.search(r"(\d+)$", folder.resolve().name)
+    found = re.search(r"(\d+)$", folder.absolute().name)
     return int(found[1]) if found else None
 
 

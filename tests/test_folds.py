@@ -22,6 +22,12 @@ def test_areas_are_found_in_folders_of_folders(data):
     ]  # fmt: skip
 
 
+def test_areas_may_be_links_and_are_found_once_where_links_run_in_circles(data, tmp_path):
+    (tmp_path / "Area_9").symlink_to(data / "seed_1/Area_1")
+    (tmp_path / "round").symlink_to(tmp_path)
+    assert [area.number for area in find_areas(tmp_path)] == [9]
+
+
 def test_one_area_may_be_named_itself(data):
     assert [area.name for area in find_areas(data / "hall")] == ["hall"]
 
