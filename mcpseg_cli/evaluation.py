@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +13,9 @@ from scipy.spatial import KDTree
 from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
-from mcpseg_cli.metrics import (
-    adjusted_rand_index,
-    class_accuracy,
-    confusion_matrix,
-    contingency,
-    information_scores,
-    intersection_over_union,
-)
+from mcpseg_cli.instance_metrics import PointLabels, find_overlaps
+from mcpseg_cli.metrics import class_accuracy, confusion_matrix, intersection_over_union
+from mcpseg_cli.object_scores import ClusterScores, ObjectScores, score_clusters, score_objects
 from mcpseg_cli.recording import list_clouds
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
@@ -37,12 +32,8 @@ class Scores:
         in_objects: Covered points of a true object (id above 0); clusters are scored on these.
         classes: Class table.
         confusion: (C, C + 1) int64, see ``metrics.confusion_matrix``.
-        nmi: Normalised mutual information of objects, arithmetic mean.
-        ari: Adjusted Rand index of objects.
-        homogeneity: Of objects.
-        completeness: Of objects.
-        objects_true: True objects that have scored points.
-        objects_pred: Predicted objects that have scored points.
+        clusters: How well the objects agree, whatever their class.
+        objects: How well objects with a class agree.
     """
 
     points: int
@@ -51,12 +42,8 @@ class Scores:
     in_objects: int
     classes: tuple[str, ...]
     confusion: NDArray[np.int64]
-    nmi: float
-    ari: float
-    homogeneity: float
-    completeness: float
-    objects_true: int
-    objects_pred: int
+    clusters: ClusterScores
+    objects: ObjectScores
 
     def document(self) -> dict[str, object]:
         """Give every figure under the name the field uses; classes without a point count IoU 0 in ``miou``."""
@@ -64,12 +51,11 @@ class Scores:
         present = self.confusion.sum(axis=1) > 0
         return {
             "unit": "voxel",
+            "scored_over": "whole map",
             "points": self.points,
             "covered": self.covered,
             "labelled": self.labelled,
             "in_objects": self.in_objects,
-            "objects_true": self.objects_true,
-            "objects_pred": self.objects_pred,
             "point_accuracy": float(np.trace(self.confusion) / max(self.confusion.sum(), 1)),
             "mean_class_accuracy": float(np.nanmean(class_accuracy(self.confusion))) if present.any() else 0.0,
             "miou": float(np.nan_to_num(iou).mean()),
@@ -77,10 +63,8 @@ class Scores:
             "iou": {
                 name: None if np.isnan(value) else float(value) for name, value in zip(self.classes, iou, strict=True)
             },
-            "nmi": self.nmi,
-            "ari": self.ari,
-            "homogeneity": self.homogeneity,
-            "completeness": self.completeness,
+            **asdict(self.clusters),
+            **asdict(self.objects),
         }
 
     def table(self) -> list[tuple[str, str]]:
@@ -138,24 +122,19 @@ def evaluate_run(output: Path, truth: Path) -> Scores:
     pairs = nearest[covered]
     semantic = true_semantic[pairs]
     known = semantic != UNKNOWN
-    predicted_semantic = _label(predicted, "semantic", output)[covered]
-    in_object = true_instance[pairs] > 0
-    labels_pred = _label(predicted, "instance", output)[covered][in_object]
-    table = contingency(true_instance[pairs][in_object], labels_pred) if in_object.any() else None
-    nmi, homogeneity, completeness = (0.0, 0.0, 0.0) if table is None else information_scores(table)
+    true = PointLabels(semantic, true_instance[pairs])
+    pred = PointLabels(_label(predicted, "semantic", output)[covered], _label(predicted, "instance", output)[covered])
+    in_object = true.instance > 0
+    overlaps = find_overlaps(true, pred, len(classes), confidence=_confidence(predicted, covered, output))
     return Scores(
         points=len(predicted),
         covered=int(covered.sum()),
         labelled=int(known.sum()),
         in_objects=int(in_object.sum()),
         classes=classes,
-        confusion=confusion_matrix(semantic[known], predicted_semantic[known], len(classes)),
-        nmi=nmi,
-        ari=0.0 if table is None else adjusted_rand_index(table),
-        homogeneity=homogeneity,
-        completeness=completeness,
-        objects_true=0 if table is None else table.shape[0],
-        objects_pred=0 if table is None else table.shape[1],
+        confusion=confusion_matrix(semantic[known], pred.semantic[known], len(classes)),
+        clusters=score_clusters(true.instance[in_object], pred.instance[in_object]),
+        objects=score_objects(overlaps, classes),
     )
 
 
@@ -176,6 +155,17 @@ def _label(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
         found = f"{name} from {values.min():g} to {values.max():g}"
         raise InputError(source, found, f"whole numbers from {low} to {high}", "mend the labels")
     return column.astype(np.int64)
+
+
+def _confidence(cloud: Cloud, covered: NDArray[np.bool_], source: Path) -> NDArray[np.float64] | None:
+    """Take the confidence of the covered points, if there is one: objects are ranked by it."""
+    column = cloud.label("confidence")
+    if column is None:
+        return None
+    values = column.astype(np.float64)
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise InputError(source, "confidence that is no number", "a number for each point", "mend the labels")
+    return values[covered]
 
 
 def _class_table(clouds: list[tuple[Path, Cloud]]) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ class Overlaps:
 
 
 @dataclass(frozen=True)
-class Labels:
+class PointLabels:
     """Class and object of N points.
 
     Attributes:
@@ -81,8 +81,8 @@ class Labels:
 
 
 def find_overlaps(
-    true: Labels,
-    pred: Labels,
+    true: PointLabels,
+    pred: PointLabels,
     num_classes: int,
     *,
     unit: NDArray[np.integer] | None = None,
@@ -195,6 +195,10 @@ class Panoptic:
     pq_dagger: float
     by_class: NDArray[np.float64]
 
+    def mean_of(self, which: NDArray[np.bool_]) -> float:
+        """Return the mean PQ of some classes, (C,) bool; 0 if none of them has an object."""
+        return _mean(self.by_class[which])
+
 
 def panoptic_quality(overlaps: Overlaps, *, stuff: Sequence[int] = ()) -> Panoptic:
     """Measure panoptic quality: pairs of a class with IoU > 0.5 match.
@@ -260,7 +264,9 @@ def _join(objects: Objects, numbers: NDArray[np.int64]) -> Objects:
     return Objects(objects.semantic[first], objects.unit[first], sizes)
 
 
-def _count_objects(labels: Labels, units: NDArray[np.int64], num_classes: int) -> tuple[NDArray[np.int64], Objects]:
+def _count_objects(
+    labels: PointLabels, units: NDArray[np.int64], num_classes: int
+) -> tuple[NDArray[np.int64], Objects]:
     """Number the objects by unit, then id; give each point's number, -1 for none, and the objects."""
     inside = labels.instance > 0
     ids, number = np.unique(labels.instance[inside], return_inverse=True)

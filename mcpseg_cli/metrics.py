@@ -66,6 +66,12 @@ def information_scores(table: sparse.csr_matrix) -> tuple[float, float, float]:
     return (mutual / mean if mean > 0 else 1.0), homogeneity, completeness
 
 
+def v_measure(homogeneity: float, completeness: float) -> float:
+    """Harmonic mean of homogeneity and completeness; 0 when both are. It equals the NMI with arithmetic mean."""
+    total = homogeneity + completeness
+    return 2 * homogeneity * completeness / total if total > 0 else 0.0
+
+
 def _entropies(table: sparse.csr_matrix) -> tuple[float, float, float]:
     """Mutual information, entropy of the true and of the predicted clusters, in nats."""
     total = table.sum()

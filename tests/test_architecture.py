@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
     {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
-    {"instance_metrics", "average_precision"},
+    {"instance_metrics", "average_precision", "object_scores"},
     {"context", "networks", "losses", "replay", "augmentation"},
     {
         "state",

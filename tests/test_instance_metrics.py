@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcpseg_cli.average_precision import THRESHOLDS, average_precision, precision_over_recall
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.instance_metrics import (
-    Labels,
+    PointLabels,
     coverage,
     find_overlaps,
     object_accuracy,
@@ -31,10 +31,10 @@ def scenes(draw):
     instance_true = np.sort(rng.integers(0, 8, size))
     noise = rng.random(size) < rng.choice([0.0, 0.2, 0.6])
     instance_pred = np.where(noise, rng.integers(0, 12, size), instance_true // rng.integers(1, 3) + 3)
-    true = Labels(np.where(rng.random(size) < 0.05, 0, classes[instance_true]), instance_true)
+    true = PointLabels(np.where(rng.random(size) < 0.05, 0, classes[instance_true]), instance_true)
     semantic_pred = np.where(rng.random(size) < 0.2, rng.choice([0, 1, 2, UNKNOWN], size), classes[instance_pred % 8])
     unit = np.sort(rng.integers(0, 2, size)) * 7
-    return true, Labels(semantic_pred, instance_pred), unit, rng.choice([0.25, 0.5, 1.0], size)
+    return true, PointLabels(semantic_pred, instance_pred), unit, rng.choice([0.25, 0.5, 1.0], size)
 
 
 def vote(points, semantic):
@@ -175,7 +175,7 @@ def test_average_precision_equals_a_slow_twins(scene):
 def scene_of(*groups):
     """Labels from groups of (points, true class, true object, predicted class, predicted object)."""
     table = np.concatenate([np.tile(group[1:], (group[0], 1)) for group in groups])
-    return Labels(table[:, 0], table[:, 1]), Labels(table[:, 2], table[:, 3])
+    return PointLabels(table[:, 0], table[:, 1]), PointLabels(table[:, 2], table[:, 3])
 
 
 def test_object_accuracy_counts_true_objects_met_by_a_larger_prediction_of_their_class():
@@ -250,7 +250,7 @@ def test_renumbering_the_objects_and_shuffling_the_points_changes_nothing(scene)
     order = np.random.default_rng(0).permutation(len(unit))
     first = find_overlaps(true, pred, NUM_CLASSES, unit=unit, confidence=confidence)
     ids = np.where(pred.instance[order] > 0, 1000 - pred.instance[order], 0)
-    moved = Labels(true.semantic[order], true.instance[order]), Labels(pred.semantic[order], ids)
+    moved = PointLabels(true.semantic[order], true.instance[order]), PointLabels(pred.semantic[order], ids)
     second = find_overlaps(*moved, NUM_CLASSES, unit=unit[order], confidence=confidence[order])
     assert panoptic_quality(first, stuff=(1,)).pq == pytest.approx(panoptic_quality(second, stuff=(1,)).pq)
     assert coverage(first).mwcov == pytest.approx(coverage(second).mwcov)

@@ -14,6 +14,7 @@ from mcpseg_cli.metrics import (
     contingency,
     information_scores,
     intersection_over_union,
+    v_measure,
 )
 
 labellings = st.integers(1, 80).flatmap(
@@ -30,6 +31,7 @@ def test_cluster_scores_equal_scikit_learns(pair):
     assert nmi == pytest.approx(sklearn_metrics.normalized_mutual_info_score(*pair), abs=1e-9)
     assert homogeneity == pytest.approx(sklearn_metrics.homogeneity_score(*pair), abs=1e-9)
     assert completeness == pytest.approx(sklearn_metrics.completeness_score(*pair), abs=1e-9)
+    assert v_measure(homogeneity, completeness) == pytest.approx(sklearn_metrics.v_measure_score(*pair), abs=1e-9)
     assert adjusted_rand_index(table) == pytest.approx(sklearn_metrics.adjusted_rand_score(*pair), abs=1e-9)
 
 
