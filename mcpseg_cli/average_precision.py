@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.instance_metrics import Overlaps
+from mcpseg_cli.overlaps import Overlaps
 
 MIN_POINTS = 100
 """Objects of fewer points are left out, as the ScanNet evaluator does."""

@@ -13,9 +13,9 @@ from scipy.spatial import KDTree
 from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
-from mcpseg_cli.instance_metrics import PointLabels, find_overlaps
 from mcpseg_cli.metrics import class_accuracy, confusion_matrix, intersection_over_union
 from mcpseg_cli.object_scores import ClusterScores, ObjectScores, score_clusters, score_objects
+from mcpseg_cli.overlaps import PointLabels, find_overlaps
 from mcpseg_cli.recording import list_clouds
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.average_precision import MIN_POINTS, average_precision
-from mcpseg_cli.instance_metrics import Overlaps, coverage, object_accuracy, panoptic_quality, precision_50
+from mcpseg_cli.instance_metrics import coverage, object_accuracy, panoptic_quality, precision_50
 from mcpseg_cli.metrics import (
     adjusted_mutual_information,
     adjusted_rand_index,
@@ -16,6 +16,7 @@ from mcpseg_cli.metrics import (
     information_scores,
     v_measure,
 )
+from mcpseg_cli.overlaps import Overlaps
 
 STUFF = ("ceiling", "floor", "wall")
 """Classes that are no things where panoptic quality is said to be with stuff."""

@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
-    {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
+    {"formats", "voxel_map", "clustering", "floor", "metrics", "overlaps", "recording", "raytrace", "synthetic"},
     {"instance_metrics", "average_precision", "object_scores"},
     {"context", "networks", "losses", "replay", "augmentation"},
     {

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from mcpseg_cli.average_precision import THRESHOLDS, average_precision, precision_over_recall
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.instance_metrics import (
-    PointLabels,
     coverage,
-    find_overlaps,
     object_accuracy,
     panoptic_quality,
     precision_50,
 )
+from mcpseg_cli.overlaps import PointLabels, find_overlaps
 
 NUM_CLASSES = 3
 MIN_POINTS = 3
