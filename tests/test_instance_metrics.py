@@ -236,6 +236,30 @@ def test_small_objects_have_no_average_precision():
     assert average_precision(find_overlaps(*scene_of((99, 0, 1, 0, 1)), 2)).ap == 0.0
 
 
+def ap25_of(confidence, *groups):
+    """AP25 of groups as for ``scene_of``, with the confidence of each."""
+    true, pred = scene_of(*groups)
+    points = np.repeat(confidence, [group[0] for group in groups])
+    return average_precision(find_overlaps(true, pred, 2, confidence=points)).ap25
+
+
+def test_the_less_confident_of_two_predictions_of_an_object_is_wrong():
+    assert ap25_of([0.4, 0.8], (100, 0, 1, 0, 1), (100, 0, 1, 0, 2)) == 1.0
+    halves = (100, 0, 1, 0, 1), (100, 0, 1, 0, 2), (100, 0, 2, 0, 3)
+    assert ap25_of([0.4, 0.8, 0.2], *halves) == pytest.approx(1 / 2 + (1 / 2 + 2 / 3) / 2 / 2)
+
+
+def test_a_prediction_that_spans_two_objects_finds_one():
+    assert ap25_of([0.9, 0.9], (100, 0, 1, 0, 1), (100, 0, 2, 0, 1)) == 0.5
+
+
+def test_a_prediction_partly_in_a_small_object_of_its_class_is_left_out():
+    right, small = (100, 0, 1, 0, 1), (64, 0, 2, 0, 0)
+    assert ap25_of([0.5, 0.9, 0.9, 0.9], right, small, (35, 0, 2, 0, 2), (65, 1, 3, 0, 2)) == 1.0
+    wrong = ap25_of([0.5, 0.9, 0.9, 0.9], right, small, (20, 0, 2, 0, 2), (80, 1, 3, 0, 2))
+    assert wrong == pytest.approx((0 + 1 / 2) / 2)
+
+
 def test_maps_without_objects_score_zero():
     overlaps = find_overlaps(*scene_of((5, 0, 0, 0, 0)), 2)
     assert panoptic_quality(overlaps, stuff=(0,)).pq == object_accuracy(overlaps) == precision_50(overlaps) == 0.0
