@@ -1,0 +1,59 @@
+"""``--fail-under NAME=VALUE``: a pipeline's demands on the scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import typer
+
+from mcpseg_cli.errors import BelowThresholdError
+from mcpseg_cli.figures import bounded_figures
+
+_HINT = "'--fail-under'"
+_PARTS = ("pooled.", "mean.")
+
+
+def parse_demands(demands: Sequence[str]) -> dict[str, float]:
+    """Read ``NAME=VALUE`` demands.
+
+    Raises:
+        typer.BadParameter: One of them is not of this form.
+    """
+    parsed: dict[str, float] = {}
+    for demand in demands:
+        name, _, text = demand.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not name or not abs(value) < float("inf"):
+            raise typer.BadParameter(f"{demand!r} is not a figure and a number, such as miou=0.35", param_hint=_HINT)
+        parsed[name.strip()] = max(value, parsed.get(name.strip(), value))
+    return parsed
+
+
+def check_demands(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
+    """Compare the figures with the demands.
+
+    Args:
+        demands: Least value by name.
+        document: The scores.
+
+    Raises:
+        typer.BadParameter: A demand names no figure; the possible names are listed.
+        BelowThresholdError: Names every figure that is below, in one line.
+    """
+    figures = bounded_figures(document)
+    for name in demands:
+        if name not in figures:
+            listed = [known for known in figures if ".by_room." not in known and not known.startswith(_PARTS)]
+            raise typer.BadParameter(f"no figure {name!r}; there are {', '.join(listed)}", param_hint=_HINT)
+    failed = []
+    for name, least in demands.items():
+        value = figures[name]
+        if value is None:
+            failed.append(f"{name} has no value (the class is nowhere), below {least:g}")
+        elif value < least:
+            failed.append(f"{name} is {value:.6g}, below {least:g}")
+    if failed:
+        raise BelowThresholdError("; ".join(failed))
