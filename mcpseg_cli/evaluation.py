@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,12 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.answer import Answer, read_answer
 from mcpseg_cli.class_scores import score_classes
 from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.followed_run import FollowedRun, RunMap, follow_run
-from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.label_columns import check_classes, class_column, confidence_column, object_column
 from mcpseg_cli.metrics import confusion_matrix
 from mcpseg_cli.object_scores import ClusterScores, ObjectScores, score_clusters, score_objects
 from mcpseg_cli.overlaps import Overlaps, PointLabels, find_overlaps
@@ -23,35 +21,8 @@ from mcpseg_cli.pairing import PairedTruth, pair_with_truth
 from mcpseg_cli.room_scores import RoomScores, score_rooms
 from mcpseg_cli.truth import Truth, open_truth
 
-_DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
-
 Progress = Callable[[str, int, int], None]
 """Called with what is being read, how much of it has been and how much there is (files, or megabytes)."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What is scored: the map of a run, or one labelled cloud.
-
-    Attributes:
-        source: The file.
-        unit: What its points are, ``voxel`` or ``point``.
-        xyz: (N, 3) metres, map frame.
-        semantic: (N,) uint8 class, 255 unknown.
-        instance: (N,) int32 object, 0 none.
-        confidence: (N,) float64, if it has one.
-        classes: Class table; empty when the file does not say.
-        voxel_size: Metres.
-    """
-
-    source: Path
-    unit: str
-    xyz: NDArray[np.floating]
-    semantic: NDArray[np.uint8]
-    instance: NDArray[np.int32]
-    confidence: NDArray[np.float64] | None
-    classes: tuple[str, ...]
-    voxel_size: float
 
 
 @dataclass(frozen=True)
@@ -155,10 +126,10 @@ def evaluate_run(
         InputError: A file is damaged or has no labels, no point has truth nearby, or no class is common to both.
         OSError: A file cannot be read.
     """
-    answer = _read_answer(output)
+    answer = read_answer(output)
     source = open_truth(truth, lambda _, done, size: told("ground truth", done >> 20, size >> 20))
     table = classes or answer.classes or _table_of_truth(answer, source)
-    semantic = _in_table(answer, table)
+    semantic = answer.classes_in(table)
     paired = pair_with_truth(
         answer.xyz, source, table, answer.voxel_size / 2, lambda done: told("ground truth", done, len(source))
     )
@@ -166,11 +137,12 @@ def evaluate_run(
         raise InputError(
             output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths"
         )
+    unscored = _unscored(truth, paired)
     followed, missing = None, ""
     if output.is_dir():
         followed, missing = _follow(output, answer, remap_table(table, answer.classes or table)[paired.semantic], told)
     classes_from, assumed = _whose_table(answer, source, paired, table)
-    notices = (*source.notices, *assumed, *_unmatched(paired), *([missing] if missing else []))
+    notices = (*source.notices, *assumed, *_unmatched(paired), *unscored, *([missing] if missing else []))
     return _score(answer, semantic, source, paired, followed=followed, facts=(table, classes_from, notices))
 
 
@@ -232,29 +204,6 @@ def _score(
     )
 
 
-def _read_answer(output: Path) -> Answer:
-    """Read what is to be scored."""
-    if not output.exists():
-        raise InputError(output, "no such file or folder", "a run or a labelled cloud", "check the path")
-    path = output / "map.ply" if output.is_dir() else output
-    if not path.is_file():
-        raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
-    cloud = read_cloud(path)
-    semantic = class_column(cloud, path)
-    if cloud.classes:
-        check_classes(semantic, cloud.classes, path)
-    return Answer(
-        path,
-        "voxel" if output.is_dir() else "point",
-        cloud.xyz,
-        semantic,
-        object_column(cloud, path),
-        confidence_column(cloud, path),
-        cloud.classes,
-        _voxel_size(output),
-    )
-
-
 def _table_of_truth(answer: Answer, truth: Truth) -> tuple[str, ...]:
     """Take the first class table of the truth; number the classes where no file names any."""
     highest = int(answer.semantic[answer.semantic < UNKNOWN].max(initial=0))
@@ -279,17 +228,6 @@ def _whose_table(
     return "neither", ("neither file names classes; equal numbers are taken for equal classes",)
 
 
-def _in_table(answer: Answer, classes: tuple[str, ...]) -> NDArray[np.uint8]:
-    """Return the (N,) predicted classes in the table of the scores."""
-    if not answer.classes or answer.classes == classes:
-        check_classes(answer.semantic, classes, answer.source)
-        return answer.semantic
-    if set(answer.classes) - set(classes):
-        found = f"classes {', '.join(answer.classes)}"
-        raise InputError(answer.source, found, f"those of the first run: {', '.join(classes)}", "score it by itself")
-    return remap_table(answer.classes, classes)[answer.semantic]
-
-
 def _unmatched(paired: PairedTruth) -> tuple[str, ...]:
     """Say which true classes are not scored."""
     others = {name: points for name, points in paired.other_classes.items() if points}
@@ -299,15 +237,13 @@ def _unmatched(paired: PairedTruth) -> tuple[str, ...]:
     return (f"true classes that the run does not have count as unlabelled: {listed}",)
 
 
-def _voxel_size(output: Path) -> float:
-    """Read the voxel size of a run."""
-    path = output / "run.json"
-    if not path.is_file():
-        return _DEFAULT_VOXEL
-    try:
-        size = float(json.loads(path.read_text())["configuration"]["voxel_size"])
-        if not 0.0 < size < np.inf:
-            raise ValueError(size)
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again") from error
-    return size
+def _unscored(truth: Path, paired: PairedTruth) -> tuple[str, ...]:
+    """Say which scores have nothing to go by; refuse truth that says nothing at all."""
+    has_classes = bool((paired.semantic != UNKNOWN).any())
+    has_objects = bool((paired.instance > 0).any())
+    if not has_classes and not has_objects:
+        found = "neither class nor object for any covered point"
+        raise InputError(truth, found, "labelled ground truth", "label it, or check the path")
+    if not has_classes:
+        return (f"{truth}: no covered point has a class; class and object figures are 0",)
+    return () if has_objects else (f"{truth}: no covered point is in an object; cluster and object figures are 0",)

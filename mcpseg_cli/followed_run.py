@@ -21,6 +21,8 @@ from mcpseg_cli.score_curve import CurveRecorder, ScoreCurve
 from mcpseg_cli.state import State
 from mcpseg_cli.voxel_map import VoxelMap
 
+_LAS_ROUNDING = 1e-4  # metres; the coordinates of other formats are rounded to this when written as LAS
+
 
 @dataclass(frozen=True)
 class FollowedRun:
@@ -126,14 +128,27 @@ def _looks(
 ) -> Iterator[tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]]:
     """Give the voxels that each scan labelled, with their labels as known then."""
     poses = _poses(output, events)
+    is_rounded = _configuration(output).get("format") in ("las", "laz")
     for number, path in enumerate(files):
         cloud = read_cloud(path)
         semantic, instance = class_column(cloud, path), object_column(cloud, path)
-        ids = voxels.find(_in_map(cloud, poses[number] if poses else None))
-        labelled = np.flatnonzero((ids >= 0) & ((semantic != UNKNOWN) | (instance > 0)))
+        xyz = _in_map(cloud, poses[number] if poses else None)
+        ids = voxels.find(xyz)
+        usable = (ids >= 0) & ((semantic != UNKNOWN) | (instance > 0))
+        if is_rounded:
+            usable &= _is_inside(xyz, voxels.voxel_size)
+        labelled = np.flatnonzero(usable)
         _, first = np.unique(ids[labelled], return_index=True)
         rows = labelled[first]
         yield ids[rows], semantic[rows], instance[rows]
+
+
+def _is_inside(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.bool_]:
+    """Tell which points are so far from the border of their voxel that rounding has not moved them across; (N,)."""
+    place = xyz.astype(np.float64) / voxel_size + 0.5
+    far = np.abs(place - np.rint(place)) > _LAS_ROUNDING / voxel_size
+    inside: NDArray[np.bool_] = np.logical_and.reduce(far, axis=1)
+    return inside
 
 
 def _in_map(cloud: Cloud, pose: NDArray[np.float64] | None) -> NDArray[np.float32]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_BLUE, _GREY, _RED = "#2563a8", "#6b7280", "#c2410c"
+_BLUE, _GREY, _RED, _PALE = "#2563a8", "#6b7280", "#c2410c", "#e5e7eb"
 _DARK = 0.55  # share from which a cell of the matrix is so dark that its number is white
 _MOST_NAMED = 10  # curves that fit a legend
 
@@ -58,9 +58,10 @@ def plot_confusion(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
     columns = len(classes) + bool(confusion[:, -1].any())
     names = [*classes, "none"][:columns]
     total = confusion.sum(axis=1)
-    shares = confusion[:, :columns] / np.maximum(total, 1)[:, None]
+    shares = np.where(total > 0, confusion[:, :columns].T / np.maximum(total, 1), np.nan).T
     figure = Figure(figsize=(2.6 + 0.55 * columns, 2.0 + 0.48 * len(classes)), layout="constrained")
     axes = figure.add_subplot()
+    axes.set_facecolor(_PALE)  # of rows without a true point
     image = axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for row, column in np.argwhere(shares >= 0.005):
         colour = "white" if shares[row, column] > _DARK else "black"
@@ -103,7 +104,7 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
         axes.axhline(mean, color=_RED, linestyle=style, linewidth=1.2, label=f"{name} {mean:.3f}", zorder=3)
     axes.set_xticks(range(len(classes)), classes, rotation=45, ha="right", rotation_mode="anchor", parse_math=False)
     axes.set(ylim=(0.0, 1.06), ylabel="IoU")
-    axes.legend(loc="upper right", fontsize=9)
+    figure.legend(loc="outside upper center", ncols=2, fontsize=9, frameon=False)
     _tidy(axes)
     _save(figure, path)
 
@@ -141,7 +142,7 @@ def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
 
 def _tidy(axes: Axes) -> None:
     """Leave out the frame, add faint lines to read values at."""
-    axes.grid(axis="y", color="#e5e7eb", linewidth=0.8, zorder=0)
+    axes.grid(axis="y", color=_PALE, linewidth=0.8, zorder=0)
     axes.spines[["top", "right"]].set_visible(False)
 
 

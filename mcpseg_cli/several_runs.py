@@ -7,8 +7,8 @@ from dataclasses import asdict, fields
 
 from mcpseg_cli.class_scores import score_classes
 from mcpseg_cli.evaluation import PointCounts, Scores
-from mcpseg_cli.object_scores import score_objects
-from mcpseg_cli.overlaps import Overlaps, join_overlaps
+from mcpseg_cli.object_scores import ClusterScores, score_objects
+from mcpseg_cli.overlaps import join_overlaps
 
 
 def pool(runs: Sequence[Scores]) -> dict[str, object]:
@@ -25,22 +25,29 @@ def pool(runs: Sequence[Scores]) -> dict[str, object]:
     classes = runs[0].classes
     counts = {field.name: sum(getattr(run.counts, field.name) for run in runs) for field in fields(PointCounts)}
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
-    rooms = [run.rooms.overlaps for run in runs if run.rooms]
+    rooms = [run.rooms for run in runs if run.rooms]
+    clusters_in_rooms = [room.clusters for part in rooms for room in part.rooms]
     return {
         "scored_over": "all runs together",
         **counts,
         **asdict(score_classes(confusion, classes)),
         "confusion": confusion.tolist(),
-        **_objects([run.overlaps for run in runs], classes),
-        "rooms": _objects(rooms, classes) if len(rooms) == len(runs) else None,
+        **_count([run.clusters for run in runs]),
+        **asdict(score_objects(join_overlaps([run.overlaps for run in runs]), classes)),
+        "rooms": {
+            "rooms": len(clusters_in_rooms),
+            **_count(clusters_in_rooms),
+            **asdict(score_objects(join_overlaps([part.overlaps for part in rooms]), classes)),
+        }
+        if len(rooms) == len(runs)
+        else None,
     }
 
 
-def _objects(parts: Sequence[Overlaps], classes: tuple[str, ...]) -> dict[str, object]:
-    """Score the objects of all runs together."""
-    overlaps = join_overlaps(parts)
-    counts = {"objects_true": len(overlaps.true), "objects_pred": len(overlaps.pred)}
-    return {**counts, **asdict(score_objects(overlaps, classes))}
+def _count(clusters: Sequence[ClusterScores]) -> dict[str, float]:
+    """Count the objects of all."""
+    num_true, num_pred = sum(part.objects_true for part in clusters), sum(part.objects_pred for part in clusters)
+    return {"objects_true": num_true, "objects_pred": num_pred, "cluster_ratio": num_pred / max(num_true, 1)}
 
 
 def average(documents: Sequence[dict[str, object]]) -> dict[str, object]:

@@ -100,6 +100,8 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
         raise InputError(path, "no such file or folder", "ground truth", "check the path")
     if path.is_dir() and not any(path.iterdir()):
         raise InputError(path, "an empty folder", "labelled clouds or an S3DIS area", "check the path")
+    if (path / "raytrace.json").is_file():
+        raise InputError(path, "a recording", "its ground truth", f"name {path / 'gt'}")
     if path.is_dir() and _has_clouds(path):
         rooms, room_of_object = _rooms_of_recording(path.absolute().parent / "raytrace.json")
         return Truth(path, rooms, paths=tuple(list_clouds(path)), room_of_object=room_of_object)

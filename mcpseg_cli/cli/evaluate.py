@@ -17,7 +17,7 @@ def evaluate(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OUT GT [OUT GT]...",
+            metavar="OUT GT",
             help="OUT: folder that 'mcpseg segment' wrote, or one labelled cloud. GT: folder of labelled clouds, one "
             "labelled cloud, an HDF5 building, or an area in the S3DIS layout.",
         ),
@@ -61,7 +61,7 @@ def evaluate(
 
       mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8 | jq .point_accuracy
     """
-    from mcpseg_cli.cli.fail_under import check_demands, parse_demands
+    from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
     if len(paths) % 2:
         raise typer.BadParameter(f"{len(paths)} paths; expected pairs of OUT and GT", param_hint="'OUT GT'")
@@ -74,6 +74,7 @@ def evaluate(
         prepare_plots(plot)
     runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
     document = _document(runs)
+    check_names(demands, document)
     _print(runs, document, as_json=as_json, as_csv=as_csv, rooms=rooms)
     if plot:
         _draw(plot, runs)

@@ -32,27 +32,39 @@ def parse_demands(demands: Sequence[str]) -> dict[str, float]:
     return parsed
 
 
-def check_demands(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
-    """Compare the figures with the demands.
+def check_names(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
+    """Refuse demands that name no figure.
 
     Args:
         demands: Least value by name.
         document: The scores.
 
     Raises:
-        typer.BadParameter: A demand names no figure; the possible names are listed.
-        BelowThresholdError: Names every figure that is below, in one line.
+        typer.BadParameter: Names the first such demand and lists the figures there are.
     """
     figures = bounded_figures(document)
     for name in demands:
         if name not in figures:
             listed = [known for known in figures if ".by_room." not in known and not known.startswith(_PARTS)]
             raise typer.BadParameter(f"no figure {name!r}; there are {', '.join(listed)}", param_hint=_HINT)
+
+
+def check_demands(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
+    """Compare figures with demands that ``check_names`` has passed.
+
+    Args:
+        demands: Least value by name.
+        document: The scores.
+
+    Raises:
+        BelowThresholdError: Names every figure that is below, in one line.
+    """
+    figures = bounded_figures(document)
     failed = []
     for name, least in demands.items():
         value = figures[name]
         if value is None:
-            failed.append(f"{name} has no value (the class is nowhere), below {least:g}")
+            failed.append(f"{name} has no value (the class is nowhere), demanded {least:g}")
         elif value < least:
             failed.append(f"{name} is {value:.6g}, below {least:g}")
     if failed:

@@ -29,7 +29,7 @@ class Block:
 
     Attributes:
         title: The heading.
-        columns: Titles of the columns behind the name; a single one is not printed.
+        columns: Titles of the columns behind the name, those that have a value; a single one is not printed.
         rows: The name and the value in each column.
     """
 
@@ -59,9 +59,10 @@ def score_blocks(runs: Sequence[Scores], document: Mapping[str, object], *, with
     }
     blocks = []
     for title, names in SECTIONS:
-        rows = [row for name in names for row in _rows(name, columns)]
+        used = [column for column in columns if any(row[1] != "-" for name in names for row in _rows(name, [column]))]
+        rows = [row for name in names for row in _rows(name, used)]
         if rows:
-            blocks.append(Block(title.format(**facts), tuple(title for title, _ in columns), tuple(rows)))
+            blocks.append(Block(title.format(**facts), tuple(title for title, _ in used), tuple(rows)))
     if with_rooms:
         blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
     return blocks
