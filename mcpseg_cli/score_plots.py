@@ -110,7 +110,7 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
 
 
 def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
-    """Draw the mean IoU of the map so far over the scans, a line for each run, as PNG.
+    """Draw the mean IoU of the map so far over the scans, as PNG; of several runs a line each, over the share of scans.
 
     Args:
         path: The picture; replaced if there.
@@ -125,13 +125,14 @@ def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
     axes = figure.add_subplot()
     single = len(curves) == 1
     for name, curve in curves.items():
-        scans = np.arange(1, len(curve.voxels) + 1)
+        scans = np.arange(1, len(curve.voxels) + 1) * (1.0 if single else 100.0 / len(curve.voxels))
         label = "mIoU of the classes seen so far" if single else name.lstrip("_")
         axes.plot(scans, curve.miou_present, linewidth=1.6, label=label, color=_BLUE if single else None)
         if single:
             axes.plot(scans, curve.point_accuracy, linewidth=1.3, label="accuracy", color=_GREY, linestyle="--")
-    axes.set(ylim=(0.0, 1.0), xlabel="scans", ylabel="score of the map so far" if single else "mIoU of the map so far")
-    axes.set_xlim(1, max(2, *(len(curve.voxels) for curve in curves.values())))
+    axes.set(ylim=(0.0, 1.0), xlabel="scans" if single else "% of the scans of each run")
+    axes.set_ylabel("score of the map so far" if single else "mIoU of the classes seen so far")
+    axes.set_xlim(1 if single else 0, max(2, len(next(iter(curves.values())).voxels)) if single else 100)
     axes.locator_params(axis="x", integer=True)
     if len(curves) <= _MOST_NAMED:
         for text in axes.legend(fontsize=9).get_texts():
