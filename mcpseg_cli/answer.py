@@ -13,6 +13,7 @@ from mcpseg_cli.classes import remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.label_columns import check_classes, class_column, confidence_column, object_column
+from mcpseg_cli.recording import MAX_COORDINATE
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
 
@@ -72,6 +73,7 @@ def read_answer(output: Path) -> Answer:
     if not path.is_file():
         raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
     cloud = read_cloud(path)
+    _check_extent(cloud.xyz, path)
     semantic = class_column(cloud, path)
     if cloud.classes:
         check_classes(semantic, cloud.classes, path)
@@ -85,6 +87,14 @@ def read_answer(output: Path) -> Answer:
         cloud.classes,
         _voxel_size(output),
     )
+
+
+def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:
+    """Refuse points so far apart that they cannot be one map in metres."""
+    extent = float(np.ptp(xyz.astype(np.float64), axis=0).max())
+    if extent > 2 * MAX_COORDINATE:
+        found, expected = f"points {extent:.6g} m apart", f"at most {2 * MAX_COORDINATE:.6g} m"
+        raise InputError(source, found, expected, "check for stray points, or convert millimetres to metres")
 
 
 def _voxel_size(output: Path) -> float:

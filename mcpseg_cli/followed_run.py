@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError, StateError
 from mcpseg_cli.formats import Cloud, read_cloud
 from mcpseg_cli.label_columns import class_column, object_column
 from mcpseg_cli.label_stability import LabelHistory, Stability
@@ -97,23 +97,26 @@ def follow_run(
         return None, f"{path} is not there; times, stability and the curve over scans are not measured"
     events = read_events(path)
     skipped = sum(event.skipped for event in events)
-    latency = measure_latency(events)
+    followed = FollowedRun(len(events), skipped, measure_latency(events), None, None)
     files = _labelled_scans(output, events)
-    missing = sum(not file.is_file() for file in files)
     voxels = VoxelMap(final.voxel_size)
     voxels.insert(final.xyz, np.zeros((len(final.xyz), 3), np.uint8))
-    if missing or not files or len(voxels) != len(final.xyz):
-        reason = "map.ply has several points in a voxel"
-        if missing or not files:
-            reason = f"{missing:,} of {len(files):,} labelled scans are missing in {output / 'scans'}"
-        return FollowedRun(len(events), skipped, latency, None, None), f"{reason}; stability is not measured"
+    missing = sum(not file.is_file() for file in files)
+    if missing or not files:
+        reason = f"{missing:,} of {len(files):,} labelled scans are missing in {output / 'scans'}"
+        return followed, f"{reason}; stability is not measured"
+    if len(voxels) != len(final.xyz):
+        return followed, f"{output / 'map.ply'} has several points in a voxel; stability is not measured"
+    try:
+        poses = _poses(output, events)
+    except (StateError, OutputError) as error:
+        return followed, f"{error}; stability is not measured"
     history, recorder = LabelHistory(true_semantic), CurveRecorder(true_semantic, num_classes)
-    for number, (ids, semantic, instance) in enumerate(_looks(output, files, events, voxels), start=1):
+    for number, (ids, semantic, instance) in enumerate(_looks(output, files, poses, voxels), start=1):
         history.look(ids, semantic, instance)
         recorder.look(ids, semantic)
         told(number, len(files))
-    stability = history.finish(final.semantic, final.instance)
-    return FollowedRun(len(events), skipped, latency, stability, recorder.curve()), ""
+    return replace(followed, stability=history.finish(final.semantic, final.instance), curve=recorder.curve()), ""
 
 
 def _labelled_scans(output: Path, events: list[ScanEvent]) -> list[Path]:
@@ -124,10 +127,9 @@ def _labelled_scans(output: Path, events: list[ScanEvent]) -> list[Path]:
 
 
 def _looks(
-    output: Path, files: list[Path], events: list[ScanEvent], voxels: VoxelMap
+    output: Path, files: list[Path], poses: list[NDArray[np.float64]] | None, voxels: VoxelMap
 ) -> Iterator[tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]]:
     """Give the voxels that each scan labelled, with their labels as known then."""
-    poses = _poses(output, events)
     is_rounded = _configuration(output).get("format") in ("las", "laz")
     for number, path in enumerate(files):
         cloud = read_cloud(path)

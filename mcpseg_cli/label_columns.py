@@ -61,7 +61,7 @@ def confidence_column(cloud: Cloud, source: Path) -> NDArray[np.float64] | None:
 
 
 def check_classes(semantic: NDArray[np.uint8], classes: tuple[str, ...], source: Path) -> None:
-    """Refuse classes beyond the table.
+    """Refuse classes beyond the table, and a table that is too long.
 
     Args:
         semantic: (N,) uint8, 255 unknown.
@@ -69,8 +69,10 @@ def check_classes(semantic: NDArray[np.uint8], classes: tuple[str, ...], source:
         source: The file, for the message.
 
     Raises:
-        InputError: Names the first such class and its point.
+        InputError: Names the first such class and its point, or the length of the table.
     """
+    if len(classes) > UNKNOWN:
+        raise InputError(source, f"{len(classes)} classes", f"at most {UNKNOWN}", "merge classes")
     wrong = (semantic >= len(classes)) & (semantic != UNKNOWN)
     if wrong.any():
         point = int(wrong.argmax())

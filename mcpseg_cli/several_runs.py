@@ -28,6 +28,7 @@ def pool(runs: Sequence[Scores]) -> dict[str, object]:
     rooms = [run.rooms for run in runs if run.rooms]
     clusters_in_rooms = [room.clusters for part in rooms for room in part.rooms]
     return {
+        "unit": " or ".join(dict.fromkeys(run.unit for run in runs)),
         "scored_over": "all runs together",
         **counts,
         **asdict(score_classes(confusion, classes)),

@@ -52,14 +52,12 @@ def evaluate(
     that --json prints, such as miou, iou.wall, rooms.ari; of several runs it takes the pooled figure where there is
     one, else the mean, unless it begins with "pooled." or "mean.".
 
+    \b
     Examples:
       mcpseg eval out/ gt/
-
       mcpseg eval out/ s3dis/Area_5 --rooms --plot pictures/
-
       mcpseg eval out_1 gt_1 out_2 gt_2 --csv > scores.csv
-
-      mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8 | jq .point_accuracy
+      mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8
     """
     from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 

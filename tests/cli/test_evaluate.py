@@ -205,3 +205,31 @@ def test_a_terminal_gets_tables(pair, monkeypatch):
     result = invoke("eval", *pair)
     assert "\x1b[1" in result.stdout
     assert "# " not in result.stdout
+
+
+def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(make_recording, tmp_path, weights_path):
+    from mcpseg_cli.state import State
+
+    scans, poses = make_recording(tmp_path / "input")
+    invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "--frame", "sensor", "-q")
+    with State(tmp_path / "out/state.sqlite"):
+        result = invoke("eval", tmp_path / "out", tmp_path / "out/map.ply", "--json")
+    assert "in use by another mcpseg" in result.stderr
+    assert json.loads(result.stdout)["stability"] is None
+
+
+@pytest.mark.parametrize(
+    ("columns", "classes", "said"),
+    [
+        ({"x": np.array([0.0, 1e12, 0.0])}, ("wall",), "points 1e+12 m apart"),
+        ({}, tuple(f"class_{index}" for index in range(300)), "300 classes; expected at most 255"),
+        ({"semantic": np.array([0.0, 0.5, 0.0])}, ("wall",), "semantic from 0 to 0.5, 0.5 for one"),
+        ({"semantic": np.array([0, 3, 0])}, ("wall",), "class 3 (point 1); expected 0 to 0"),
+    ],
+)
+def test_clouds_that_make_no_sense_are_one_line(tmp_path, columns, classes, said):
+    plain = {axis: np.zeros(3) for axis in "xyz"} | {"semantic": np.zeros(3, int), "instance": np.ones(3, int)}
+    write_cloud(tmp_path / "c.npz", Cloud(plain | columns, classes))
+    result = invoke("eval", tmp_path / "c.npz", tmp_path / "c.npz")
+    assert (result.exit_code, result.stdout, len(result.stderr.splitlines())) == (1, "", 1)
+    assert said in result.stderr
