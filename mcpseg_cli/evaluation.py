@@ -62,6 +62,7 @@ class Scores:
         unit: What its points are, ``voxel`` or ``point``.
         pairing: How true points were found.
         classes_from: Whose class table it is.
+        ranked_by: What ranks predicted objects for average precision.
         counts: How many points are scored.
         classes: Class table.
         confusion: (C, C + 1) int64, see ``metrics.confusion_matrix``.
@@ -78,6 +79,7 @@ class Scores:
     unit: str
     pairing: str
     classes_from: str
+    ranked_by: str
     counts: PointCounts
     classes: tuple[str, ...]
     confusion: NDArray[np.int64]
@@ -102,6 +104,7 @@ class Scores:
             "confusion": self.confusion.tolist(),
             **asdict(self.clusters),
             **asdict(self.objects),
+            "ap_ranked_by": self.ranked_by,
             "rooms": self.rooms.document() if self.rooms else None,
             **(self.followed.document() if self.followed else {}),
         }
@@ -182,6 +185,7 @@ def _score(
         unit=answer.unit,
         pairing="by point" if paired.by_point else f"nearest within {paired.reach:g} m",
         classes_from=classes_from,
+        ranked_by="nothing" if confidence is None else "mean confidence",
         counts=PointCounts(
             points=len(semantic),
             covered=len(ids),

@@ -11,7 +11,7 @@ from sklearn import metrics as sklearn_metrics
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.evaluation import evaluate_run
 from mcpseg_cli.figures import bounded_figures, flatten
-from mcpseg_cli.formats import Cloud, write_cloud
+from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.overlaps import PointLabels
 from mcpseg_cli.room_scores import score_rooms
 from mcpseg_cli.score_curve import ScoreCurve
@@ -89,6 +89,14 @@ def test_truth_without_class_names_is_said_to_have_the_runs(tmp_path):
     assert scores.classes_from == "out"
     assert "names no classes; they are taken to be those of" in scores.notices[0]
     assert "floor 0 … chair 2" in scores.notices[0]
+
+
+def test_it_is_said_what_ranks_objects(tmp_path):
+    output, truth = write_pair(tmp_path)
+    assert evaluate_run(output, truth).document()["ap_ranked_by"] == "nothing"
+    cloud = read_cloud(output)
+    write_cloud(output, Cloud(cloud.columns | {"confidence": np.ones(len(cloud), np.float32)}, cloud.classes))
+    assert evaluate_run(output, truth).document()["ap_ranked_by"] == "mean confidence"
 
 
 def test_truth_that_says_nothing_is_refused(tmp_path):

@@ -31,7 +31,11 @@ SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("clusters ({over}; {unit}s of true objects, classes ignored)", _CLUSTERS),
     ("objects ({over}; IoU over 0.5 and same class)", _OBJECTS),
     ("panoptic quality ({over}; every class a thing; with_stuff: ceiling, floor and wall are stuff)", _PANOPTIC),
-    ("average precision ({over}; as ScanNet: IoU 0.50 to 0.90, {min_points} {unit}s and more)", _PRECISION),
+    (
+        "average precision ({over}; as ScanNet: IoU 0.50 to 0.90, {min_points} {unit}s and more; "
+        "ranked by {ranked_by})",
+        _PRECISION,
+    ),
     ("by room: points and clusters are means over rooms, objects match within rooms", tuple(
         f"rooms.{name}" for name in ("rooms", "point_accuracy", "miou_present", *_CLUSTERS, *_ALL_OBJECTS)
     )),

@@ -55,6 +55,7 @@ def score_blocks(runs: Sequence[Scores], document: Mapping[str, object], *, with
         "pairing": _distinct(run.pairing for run in runs),
         "classes_from": _distinct(run.classes_from for run in runs),
         "over": "whole map and by room" if len(runs) == 1 and runs[0].rooms else "whole map",
+        "ranked_by": _distinct(run.ranked_by for run in runs),
         "min_points": str(runs[0].objects.ap_min_points),
     }
     blocks = []
