@@ -1,8 +1,11 @@
 """Segmentation and clustering metrics (IV), truth first. Labels are compared by equality only."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
+
+_NEGLIGIBLE = 1e-25  # of the likeliest count's weight; what is left out stays far below rounding, even when n is large
 
 
 def confusion_matrix(
@@ -56,6 +59,21 @@ def information_scores(table: sparse.csr_matrix) -> tuple[float, float, float]:
     Returns:
         NMI, homogeneity, completeness, each in 0-1; 1 where an entropy is zero, as scikit-learn has it.
     """
+    mutual, entropy_true, entropy_pred = _entropies(table)
+    homogeneity = mutual / entropy_true if entropy_true > 0 else 1.0
+    completeness = mutual / entropy_pred if entropy_pred > 0 else 1.0
+    mean = (entropy_true + entropy_pred) / 2
+    return (mutual / mean if mean > 0 else 1.0), homogeneity, completeness
+
+
+def v_measure(homogeneity: float, completeness: float) -> float:
+    """Harmonic mean of homogeneity and completeness; 0 when both are. It equals the NMI with arithmetic mean."""
+    total = homogeneity + completeness
+    return 2 * homogeneity * completeness / total if total > 0 else 0.0
+
+
+def _entropies(table: sparse.csr_matrix) -> tuple[float, float, float]:
+    """Mutual information, entropy of the true and of the predicted clusters, in nats."""
     total = table.sum()
     joint = table.data / total
     p_true = np.asarray(table.sum(axis=1)).ravel() / total
@@ -63,10 +81,7 @@ def information_scores(table: sparse.csr_matrix) -> tuple[float, float, float]:
     rows, columns = table.nonzero()
     mutual = float(np.sum(joint * (np.log(joint) - np.log(p_true[rows]) - np.log(p_pred[columns]))))
     entropy_true, entropy_pred = -float(p_true @ np.log(p_true)), -float(p_pred @ np.log(p_pred))
-    homogeneity = mutual / entropy_true if entropy_true > 0 else 1.0
-    completeness = mutual / entropy_pred if entropy_pred > 0 else 1.0
-    mean = (entropy_true + entropy_pred) / 2
-    return (mutual / mean if mean > 0 else 1.0), homogeneity, completeness
+    return mutual, entropy_true, entropy_pred
 
 
 def adjusted_rand_index(table: sparse.csr_matrix) -> float:
@@ -79,3 +94,77 @@ def adjusted_rand_index(table: sparse.csr_matrix) -> float:
     expected = pairs_true * pairs_pred / max(total * (total - 1) / 2, 1)
     largest = (pairs_true + pairs_pred) / 2
     return 1.0 if largest == expected else (pairs_both - expected) / (largest - expected)
+
+
+def adjusted_mutual_information(table: sparse.csr_matrix) -> float:
+    """Mutual information corrected for chance, over the mean entropy (Vinh 2010; scikit-learn's default).
+
+    Args:
+        table: From ``contingency``; not empty.
+
+    Returns:
+        AMI, at most 1; 1 when both sides are the same clustering, 0 when one side only is a single cluster.
+    """
+    if table.nnz == table.shape[0] == table.shape[1]:
+        return 1.0
+    if 1 in table.shape:
+        return 0.0
+    mutual, entropy_true, entropy_pred = _entropies(table)
+    expected = expected_mutual_information(table)
+    return (mutual - expected) / ((entropy_true + entropy_pred) / 2 - expected)
+
+
+def expected_mutual_information(table: sparse.csr_matrix) -> float:
+    """Mean mutual information, in nats, of all clusterings with these cluster sizes (Vinh 2010, equation 24a)."""
+    rows, row_times = np.unique(np.asarray(table.sum(axis=1)).ravel(), return_counts=True)
+    columns, column_times = np.unique(np.asarray(table.sum(axis=0)).ravel(), return_counts=True)
+    largest = int(min(rows[-1], columns[-1]))
+    logs = np.log(np.maximum(np.arange(largest + 1), 1))
+    return float(_expected_sum(rows, row_times, columns, column_times, logs))
+
+
+@njit(cache=True)
+def _expected_sum(
+    rows: NDArray[np.int64],
+    row_times: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    column_times: NDArray[np.int64],
+    logs: NDArray[np.float64],
+) -> float:
+    """Sum the expected terms over pairs of distinct cluster sizes, each as often as it occurs."""
+    total = np.sum(rows * row_times)
+    expected = 0.0
+    for i in range(len(rows)):
+        for j in range(len(columns)):
+            term = _expected_term(rows[i], columns[j], total, logs)
+            expected += row_times[i] * column_times[j] * term
+    return expected
+
+
+@njit(cache=True)
+def _expected_term(a: int, b: int, total: int, logs: NDArray[np.float64]) -> float:
+    """Mean of n / N log(N n / (a b)) for n points shared by clusters of a and b: hypergeometric.
+
+    The weights go from the mode outwards by the ratio of neighbours until they vanish, then are divided by
+    their sum: no factorials, so nothing is lost to rounding.
+    """
+    low, high = max(0, a + b - total), min(a, b)
+    mode = min(max((a + 1) * (b + 1) // (total + 2), low), high)
+    offset = np.log(total / a) - np.log(float(b))
+    weights = 1.0
+    value = mode * (logs[mode] + offset)
+    weight = 1.0
+    for n in range(mode + 1, high + 1):
+        weight *= (a - n + 1.0) * (b - n + 1.0) / (float(n) * (total - a - b + n))
+        if weight < _NEGLIGIBLE:
+            break
+        weights += weight
+        value += weight * n * (logs[n] + offset)
+    weight = 1.0
+    for n in range(mode - 1, low - 1, -1):
+        weight *= (n + 1.0) * (total - a - b + n + 1.0) / ((a - n) * float(b - n))
+        if weight < _NEGLIGIBLE:
+            break
+        weights += weight
+        value += weight * n * (logs[n] + offset)
+    return float(value / weights / total)

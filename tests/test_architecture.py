@@ -10,7 +10,10 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
-    {"formats", "voxel_map", "clustering", "floor", "metrics", "recording", "raytrace", "synthetic"},
+    {"formats", "voxel_map", "clustering", "floor", "metrics", "overlaps", "recording", "raytrace", "synthetic"},
+    {"instance_metrics", "average_precision", "object_scores", "class_scores", "label_columns", "label_stability"},
+    {"truth", "room_scores", "score_curve", "run_events", "answer", "figures"},
+    {"pairing", "score_plots"},
     {"context", "networks", "losses", "replay", "augmentation"},
     {
         "state",
@@ -18,6 +21,8 @@ LAYERS = [
         "weights",
         "tensor_bundle",
         "evaluation",
+        "followed_run",
+        "several_runs",
         "sample_cache",
         "samples",
         "device",

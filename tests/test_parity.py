@@ -95,6 +95,7 @@ def test_the_authors_own_answers_score_what_they_reported(shared_folder, tmp_pat
     scores = evaluate_run(tmp_path / "authors.ply", shared_folder / "reference/building/gt").document()
     assert scores["point_accuracy"] == pytest.approx(0.784, abs=0.0005)
     assert scores["nmi"] == pytest.approx(0.862, abs=0.0005)
+    assert scores["ami"] == pytest.approx(0.8540152492094166, abs=1e-9)
     assert scores["ari"] == pytest.approx(0.749, abs=0.0005)
     assert scores["miou_present"] == pytest.approx(0.564, abs=0.0005)
     assert (scores["objects_pred"], scores["objects_true"]) == (1016, 51)

@@ -144,7 +144,7 @@ def test_the_bundled_example_runs_resumes_and_scores(tmp_path):
 
 def test_truth_scored_against_itself_is_perfect():
     scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
-    assert scores["unit"] == "voxel"
+    assert scores["unit"] == "point"  # a cloud; a run has voxels
     for name in ("point_accuracy", "miou_present", "nmi", "ari", "homogeneity", "completeness", "mean_class_accuracy"):
         assert scores[name] == pytest.approx(1.0)
 
@@ -314,6 +314,37 @@ def test_every_file_of_the_truth_may_have_its_own_class_order(tmp_path):
     for number in (0, 1):
         scores = json.loads(invoke("eval", WALK / f"gt/00000{number}.ply", tmp_path / "gt", "--json").stdout)
         assert scores["point_accuracy"] > 0.99
+
+
+def test_eval_of_the_truth_itself_finds_every_object():
+    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
+    assert scores["scored_over"] == "whole map"
+    names = (
+        "ami",
+        "v_measure",
+        "cluster_ratio",
+        "precision_50",
+        "pq",
+        "sq",
+        "rq",
+        "pq_with_stuff",
+        "ap",
+        "ap50",
+        "ap25",
+    )
+    for name in (*names, "mcov", "mwcov", "mprec", "mrec"):
+        assert scores[name] == pytest.approx(1.0), name
+    assert 0.0 < scores["object_accuracy"] <= 1.0  # objects of 50 points or fewer are never found
+
+
+def test_eval_names_a_confidence_that_is_no_number(tmp_path):
+    cloud = read_cloud(WALK / "gt/000000.ply")
+    columns = cloud.columns | {"confidence": np.full(len(cloud), np.nan, np.float32)}
+    write_cloud(tmp_path / "map.ply", Cloud(columns, cloud.classes))
+    result = invoke("eval", tmp_path / "map.ply", WALK / "gt/000000.ply")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "confidence that is no number" in result.stderr
 
 
 def test_eval_of_a_missing_path_says_so(tmp_path):
