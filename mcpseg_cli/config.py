@@ -48,6 +48,26 @@ class SegmentSettings(BaseModel):
     seed: int = Field(default=0, ge=0)
 
 
+class RegionGrowingSettings(BaseModel):
+    """Which neighbouring voxels are one surface to region growing (table II); the paper gives no numbers.
+
+    Attributes:
+        reach: Cells from a voxel to the points that decide its normal.
+        min_points: Fewest points that make a surface.
+        max_curvature: Surfaces of more are rough: the least variance's share of all, 0 for a plane.
+        max_angle_deg: Normals farther apart are not one surface.
+        max_colour: Colours farther apart are not; Euclidean, of 0 to 441.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    reach: int = Field(default=2, ge=1, le=4)
+    min_points: int = Field(default=6, ge=3)
+    max_curvature: float = Field(default=0.05, ge=0.0, le=1 / 3)
+    max_angle_deg: float = Field(default=15.0, ge=0.0, le=180.0)
+    max_colour: float = Field(default=40.0, ge=0.0)
+
+
 AUTHORS_SCANNER = {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0}
 """What the simulated scanner of the authors' program covers; the paper says a full sphere (III-A)."""
 

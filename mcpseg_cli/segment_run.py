@@ -103,7 +103,7 @@ class SegmentRun:
             self.pending = _pending(recording, self.records, self._state.path)
             self.resumed_from = len(self.records)
             self._restore()
-            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.info.classes))
+            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.classes))
             self._reconcile(recording)
             self._write_run_json(weights)
         except BaseException:
@@ -269,7 +269,7 @@ class SegmentRun:
             "command": list(self._options.command),
             "configuration": _configuration(weights, self.segmenter, self._options),
             "weights": {"name": weights.name, "sha256": weights.sha256, **weights.info.model_dump(mode="json")},
-            "classes": list(self.segmenter.info.classes),
+            "classes": list(self.segmenter.classes),
         }
         _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
 
