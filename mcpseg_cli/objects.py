@@ -19,7 +19,7 @@ class MapObject:
 
     Attributes:
         id: Its object id.
-        class_name: Class by vote of its points; a tie goes to the first in the class table. ``unknown`` without a class.
+        class_name: Class by vote of its points; a tie goes to the first in the table. ``unknown`` without classes.
         confidence: Mean confidence of the points that voted for that class, 0-1.
         num_points: Points (voxels) it has.
         centroid: Mean of its points, metres, map frame.
@@ -68,8 +68,8 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     height = np.stack([(low[:, 2] + high[:, 2]) / 2, high[:, 2] - low[:, 2]])
     return [
         MapObject(
-            int(ids[i]), _name(classes, voted[i]), round(float(confidence[i]), 4), int(counts[i]), _rounded(centroid[i]),
-            _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
+            int(ids[i]), _name(classes, voted[i]), round(float(confidence[i]), 4), int(counts[i]),
+            _rounded(centroid[i]), _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
             _rounded([*size[i], height[1, i]]), float(yaw_deg[i]),
         )
         for i in range(len(ids))

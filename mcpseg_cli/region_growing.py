@@ -33,7 +33,7 @@ def estimate_normals(
     """
     around = voxel_map.neighbours(ids, settings.reach)
     limits = (settings.min_points, settings.max_curvature)
-    normals: NDArray[np.float32] = _fit_planes(ids, around, voxel_map.xyz, position, *limits)
+    normals: NDArray[np.float32] = _fit_planes(ids, around, voxel_map.xyz, np.ascontiguousarray(position), *limits)
     return normals
 
 

@@ -39,7 +39,7 @@ LAYERS = [
         "train_data",
         "tensorboard_log",
     },
-    {"segment_run", "model_card", "train_run"},
+    {"offline", "methods", "segment_run", "offline_run", "model_card", "train_run"},
     {"cli"},
 ]
 TORCH = {"networks", "losses", "weights", "tensor_bundle", "device", "ranks", "objective", "fine_tuning"}
