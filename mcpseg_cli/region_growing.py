@@ -15,6 +15,7 @@ from mcpseg_cli.config import RegionGrowingSettings
 from mcpseg_cli.voxel_map import VoxelMap
 
 _NONE = -1
+_THIN = 1e-9  # variance across points on a line, of that along it
 
 
 def estimate_normals(
@@ -32,9 +33,15 @@ def estimate_normals(
         (M, 3) float32 unit normals; 0 where the surface is rough or the points too few.
     """
     around = voxel_map.neighbours(ids, settings.reach)
-    limits = (settings.min_points, settings.max_curvature)
-    normals: NDArray[np.float32] = _fit_planes(ids, around, voxel_map.xyz, np.ascontiguousarray(position), *limits)
-    return normals
+    count, covariance = _spread(ids, around, voxel_map.xyz)
+    variance, axes = np.linalg.eigh(covariance)  # ascending; variance (M, 3), axes (M, 3, 3) in columns
+    is_line = variance[:, 1] <= _THIN * variance[:, 2]
+    is_rough = variance[:, 0] > settings.max_curvature * variance.sum(axis=1)
+    normal = axes[:, :, 0]
+    faces_away = np.einsum("ma,ma->m", normal, position - voxel_map.xyz[ids]) < 0
+    normal[faces_away] *= -1
+    normal[(count < settings.min_points) | is_line | is_rough] = 0
+    return normal.astype(np.float32)
 
 
 def keep_alike(
@@ -63,34 +70,29 @@ def keep_alike(
 
 
 @njit(cache=True)
-def _fit_planes(
-    ids: NDArray[np.int32],
-    around: NDArray[np.int32],
-    xyz: NDArray[np.float32],
-    position: NDArray[np.float64],
-    min_points: int,
-    max_curvature: float,
-) -> NDArray[np.float32]:
-    """Normals by principal components; curvature is the least variance's share of all."""
-    normals = np.zeros((ids.size, 3), np.float32)
+def _spread(
+    ids: NDArray[np.int32], around: NDArray[np.int32], xyz: NDArray[np.float32]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Count the points around each voxel, itself included, and find their covariance."""
+    count = np.ones(ids.size, np.int64)
+    covariance = np.zeros((ids.size, 3, 3))
+    mean, offset = np.empty(3), np.empty(3)
     for i in range(ids.size):
-        here = xyz[ids[i]].astype(np.float64)
-        count, total, products = 1, np.zeros(3), np.zeros((3, 3))
+        mean[:] = 0.0
         for other in around[i]:
-            if other != _NONE:
-                offset = xyz[other] - here
-                count += 1
-                total += offset
-                products += np.outer(offset, offset)
-        if count < min_points:
-            continue
-        mean = total / count
-        variance, axes = np.linalg.eigh(products / count - np.outer(mean, mean))
-        if variance[0] > max_curvature * variance.sum() or variance[1] <= 0.0:
-            continue
-        normal = axes[:, 0].copy()
-        normals[i] = normal if np.dot(normal, position - here) >= 0.0 else -normal
-    return normals
+            if other == _NONE:
+                continue
+            count[i] += 1
+            for a in range(3):
+                offset[a] = np.float64(xyz[other, a]) - np.float64(xyz[ids[i], a])
+                mean[a] += offset[a]
+                for b in range(a + 1):
+                    covariance[i, a, b] += offset[a] * offset[b]
+        for a in range(3):
+            for b in range(a + 1):
+                covariance[i, a, b] = (covariance[i, a, b] - mean[a] * mean[b] / count[i]) / count[i]
+                covariance[i, b, a] = covariance[i, a, b]
+    return count, covariance
 
 
 @njit(cache=True)

@@ -47,7 +47,7 @@ def slow_normal(voxel_map: VoxelMap, voxel: int, position: np.ndarray, growing: 
         return np.zeros(3)
     _, spread, axes = np.linalg.svd(points - points.mean(axis=0))
     share = spread**2 / (spread**2).sum()
-    if share[2] > growing.max_curvature:
+    if share[2] > growing.max_curvature or share[1] <= 1e-9 * share[0]:
         return np.zeros(3)
     return axes[2] if axes[2] @ (position - voxel_map.xyz[voxel]) >= 0 else -axes[2]
 
