@@ -62,8 +62,39 @@ METHODS = {
 }  # fmt: skip
 """What tables I to III compare, in their order; the limits are of this implementation on a processor."""
 
-Results = Mapping[str, Sequence[Mapping[str, Mapping[str, object]]]]
-"""By method, then fold: what ``mcpseg segment`` and ``mcpseg eval`` printed."""
+
+@dataclass(frozen=True)
+class Result:
+    """What ``mcpseg segment`` and ``mcpseg eval`` say about one run; shares are of 1.
+
+    Attributes:
+        scores: Figures of eval by name.
+        iou: Intersection over union by class; None where a class is nowhere.
+        p50_ms: Median time of a scan.
+        p95_ms: Time that one scan in twenty exceeds.
+        network_ms: Median time of the network, or of finding normals; None for offline runs.
+        memory_mb: Peak.
+    """
+
+    scores: Mapping[str, float]
+    iou: Mapping[str, float | None]
+    p50_ms: float
+    p95_ms: float
+    network_ms: float | None
+    memory_mb: float
+
+
+def read_result(folder: Path, name: str) -> Result:
+    """Read NAME.segment.json and NAME.eval.json."""
+    segment, scores = (json.loads((folder / f"{name}.{kind}.json").read_text()) for kind in ("segment", "eval"))
+    figures = {key: float(value) for key, value in scores.items() if isinstance(value, int | float)}
+    times = segment["ms_per_scan"]
+    network = segment["ms_by_stage"].get("network")
+    return Result(figures, scores["iou"], times["p50"], times["p95"], network, segment["peak_memory_mb"])
+
+
+Results = Mapping[str, Sequence[Result]]
+"""By method, one of each fold."""
 
 _BLANK = "-"
 
@@ -90,14 +121,17 @@ def write_report(
         results.md.
     """
     ordered = [method for method in METHODS if method in methods]
-    results = {method: [_load(output, f"{method}-holdout{fold}") for fold in folds] for method in ordered}
+    results = {
+        method: [read_result(output / "results", f"{method}-holdout{fold}") for fold in folds] for method in ordered
+    }
     tables = {
         "Table I: classification": table_1(results),
         "IoU by class": iou_by_class(results),
         "Table II: clustering": table_2(results),
         "Table III: efficiency": table_3(results, output / "trained", folds[0]),
     }
-    figure = figure_5({count: _load(output, f"context{count}-holdout{folds[-1]}") for count in context_points})
+    names = {count: f"context{count}-holdout{folds[-1]}" for count in context_points}
+    figure = figure_5({count: read_result(output / "results", name) for count, name in names.items()})
     for name, table in zip(("table_1", "iou_by_class", "table_2", "table_3"), tables.values(), strict=True):
         _write_csv(output / f"{name}.csv", table)
     lines = ["# Tables and figure of the paper, reproduced", "", *_introduction(folds, settings, commands)]
@@ -126,12 +160,11 @@ def table_1(results: Results) -> list[list[str]]:
 
 def iou_by_class(results: Results) -> list[list[str]]:
     """Intersection over union of every class: percent, means over the folds; 0 where a class is nowhere."""
-    classes = list(next(iter(results.values()))[0]["eval"]["iou"])  # type: ignore[call-overload]
+    classes = list(next(iter(results.values()))[0].iou)
     table = [["method", *classes]]
     for method, folds in results.items():
         if method != "region-growing":
-            ious = [fold["eval"]["iou"] for fold in folds]
-            means = [mean(100 * (iou[name] or 0.0) for iou in ious) for name in classes]  # type: ignore[index]
+            means = [mean(100 * (fold.iou[name] or 0.0) for fold in folds) for name in classes]
             table.append([METHODS[method].title, *[f"{value:.1f}" for value in means]])
     return table
 
@@ -142,25 +175,23 @@ def table_2(results: Results) -> list[list[str]]:
     table = [[*header, "paper: NMI", "paper: AMI", "paper: ARI"]]
     for method, folds in results.items():
         shares = [_percent(folds, name) for name in ("nmi", "ami", "ari")]
-        ratio = mean(_number(fold["eval"], "cluster_ratio") for fold in folds)
+        ratio = mean(fold.scores["cluster_ratio"] for fold in folds)
         table.append([METHODS[method].title, *shares, f"{ratio:.1f}", *_paper(method, 3, 6)])
     return table
 
 
-def table_3(results: Results, trained: Path, fold: int) -> list[list[str]]:
+def table_3(results: Results, trained: Path, holdout: int) -> list[list[str]]:
     """Efficiency of the methods that label scan by scan; times include reading, the commit and all outputs."""
     header = ["method", "ms per scan (median)", "p95", "network ms", "weights MB", "peak memory MB"]
     table = [[*header, "paper: ms", "paper: MB", "paper: GB", "what limits it"]]
     for method, folds in results.items():
         if method.endswith("-offline"):
             continue
-        times = [fold["segment"]["ms_per_scan"] for fold in folds]
-        network = [fold["segment"]["ms_by_stage"] for fold in folds]
-        ms = [mean(_number(time, name) for time in times) for name in ("p50", "p95")]
-        ms.append(mean(_number(stages, "network") for stages in network))
-        weights = trained / f"{method}-holdout{fold}.safetensors"
+        ms = [mean(fold.p50_ms for fold in folds), mean(fold.p95_ms for fold in folds)]
+        ms.append(mean(fold.network_ms or 0.0 for fold in folds))
+        weights = trained / f"{method}-holdout{holdout}.safetensors"
         size = f"{weights.stat().st_size / 1e6:.2f}" if weights.is_file() else _BLANK
-        memory = max(_number(fold["segment"], "peak_memory_mb") for fold in folds)
+        memory = max(fold.memory_mb for fold in folds)
         seconds, megabytes, gigabytes = METHODS[method].paper[6:]
         paper = [_cell(None if seconds is None else 1e3 * seconds, ".0f"), _cell(megabytes), _cell(gigabytes, ".2f")]
         figures = [*[f"{value:.1f}" for value in ms], size, f"{memory:.0f}"]
@@ -168,13 +199,12 @@ def table_3(results: Results, trained: Path, fold: int) -> list[list[str]]:
     return table
 
 
-def figure_5(results: Mapping[int, Mapping[str, Mapping[str, object]]]) -> list[list[str]]:
+def figure_5(results: Mapping[int, Result]) -> list[list[str]]:
     """Accuracy and rate of MCPNet by context points."""
     table = [["context points", "point accuracy", "mIoU", "scans per second"]]
     for count, result in results.items():
-        accuracy, miou = (100 * _number(result["eval"], name) for name in ("point_accuracy", "miou"))
-        rate = 1e3 / _number(result["segment"]["ms_per_scan"], "p50")
-        table.append([str(count), f"{accuracy:.1f}", f"{miou:.1f}", f"{rate:.1f}"])
+        shares = [f"{100 * result.scores[name]:.1f}" for name in ("point_accuracy", "miou")]
+        table.append([str(count), *shares, f"{1e3 / result.p50_ms:.1f}"])
     return table
 
 
@@ -200,19 +230,8 @@ def draw_figure_5(table: Sequence[Sequence[str]], picture: Path) -> None:
     plt.close(figure)
 
 
-def _load(output: Path, name: str) -> dict[str, Mapping[str, object]]:
-    """Read what was printed about a run."""
-    folder = output / "results"
-    return {kind: json.loads((folder / f"{name}.{kind}.json").read_text()) for kind in ("segment", "eval")}
-
-
-def _number(document: object, name: str) -> float:
-    assert isinstance(document, Mapping)
-    return float(document[name])
-
-
-def _percent(folds: Sequence[Mapping[str, Mapping[str, object]]], name: str) -> str:
-    return f"{100 * mean(_number(fold['eval'], name) for fold in folds):.1f}"
+def _percent(folds: Sequence[Result], name: str) -> str:
+    return f"{100 * mean(fold.scores[name] for fold in folds):.1f}"
 
 
 def _paper(method: str, start: int, end: int) -> list[str]:
@@ -235,7 +254,7 @@ def _notes(title: str) -> list[str]:
     """Say what a table's figures mean where its header does not."""
     if title.startswith("Table I:"):
         note = (
-            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. The offline methods label the "
+            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. Offline methods label the "
             "complete cloud of the same scans in columns of 1 m, with the weights of the online ones; the paper trained "
             "them on the original clouds, which have no occlusion, and gave them these room by room."
         )

@@ -8,8 +8,9 @@ Every step is an mcpseg command, printed before it runs; its result stays in the
 is there is passed over: run the same command again to continue, with more --folds or --methods to add to it. The tables
 are in results.md, table_1.csv to table_3.csv, figure_5.csv and figure_5.png.
 
-The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors, results/METHOD-holdoutN.*.json (what
-segment and eval said) and maps/METHOD-holdoutN.ply. Areas and weights made elsewhere can be put there under these names.
+The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors, maps/METHOD-holdoutN.ply and
+results/METHOD-holdoutN.*.json (what segment and eval said). Areas and weights made elsewhere can be put there under these
+names.
 """
 
 from __future__ import annotations
