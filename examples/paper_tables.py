@@ -254,9 +254,9 @@ def _notes(title: str) -> list[str]:
     """Say what a table's figures mean where its header does not."""
     if title.startswith("Table I:"):
         note = (
-            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. Offline methods label the "
-            "complete cloud of the same scans in columns of 1 m, with the weights of the online ones; the paper trained "
-            "them on the original clouds, which have no occlusion, and gave them these room by room."
+            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. Offline methods learn from "
+            "and label the complete clouds of the same scans in columns of 1 m; the paper gave them the original "
+            "clouds, which have no occlusion, room by room."
         )
     elif title.startswith("Table II:"):
         note = "Percent, over the voxels of true objects, the whole area as one unit. Region growing knows no classes."

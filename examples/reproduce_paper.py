@@ -9,8 +9,8 @@ is there is passed over: run the same command again to continue, with more --fol
 are in results.md, table_1.csv to table_3.csv, figure_5.csv and figure_5.png.
 
 The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors, maps/METHOD-holdoutN.ply and
-results/METHOD-holdoutN.*.json (what segment and eval said). Areas and weights made elsewhere can be put there under these
-names.
+results/METHOD-holdoutN.*.json (what segment and eval said). Areas and weights made elsewhere can be put there under
+these names.
 """
 
 from __future__ import annotations
@@ -21,13 +21,16 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from paper_tables import METHODS, write_report
 
 _NETWORKS = [method for method in METHODS if method != "region-growing" and not method.endswith("-offline")]
+_ROOT = Path(__file__).parents[1]
+_COLUMNS = "examples/complete_clouds.py"
 _SMALL_AREAS = 3  # the figure's networks learn from so many, in fewer scans
 _SMALL_STEP = 2.5  # ... that are so much farther apart
 
@@ -74,7 +77,7 @@ class Step:
     """A command and how to know that it was done.
 
     Attributes:
-        command: Words after ``mcpseg``.
+        command: Words of the command line.
         done: Whether its result is there.
         result: File for what it prints on stdout; None: that is passed through.
     """
@@ -85,35 +88,49 @@ class Step:
 
     def run(self) -> None:
         """Run the command, unless it was done."""
-        line = shlex.join(["mcpseg", *self.command])
+        line = shlex.join(self.command)
         if self.done():
             print(f"# done: {line}", flush=True)
             return
         print(line, flush=True)
         if self.result:
             self.result.parent.mkdir(parents=True, exist_ok=True)
-        words = [sys.executable, "-m", "mcpseg_cli", *self.command]
-        process = subprocess.run(words, stdout=subprocess.PIPE if self.result else None, text=True, check=False)
+        program, *rest = self.command
+        words = ["-m", "mcpseg_cli", *rest] if program == "mcpseg" else [str(_ROOT / rest[0]), *rest[1:]]
+        process = subprocess.run(
+            [sys.executable, *words], stdout=subprocess.PIPE if self.result else None, text=True, check=False
+        )
         if process.returncode:
             raise SystemExit(f"{line}: exit {process.returncode}; run the same command again to continue")
         if self.result:
-            partial = self.result.with_suffix(".part")
-            partial.write_text(process.stdout)
-            partial.replace(self.result)
+            unfinished = self.result.with_suffix(".part")
+            unfinished.write_text(process.stdout)
+            unfinished.replace(self.result)
+
+
+def is_complete(record: Path) -> bool:
+    """Tell whether a record of ray tracing or training is there and says that it was not cut short."""
+    return record.is_file() and bool(json.loads(record.read_text()).get("complete"))
 
 
 def make_area(plan: Plan, number: int, folder: Path, step: float) -> list[Step]:
     """Ray-trace an area, of a building that is made first where there is no S3DIS."""
-
-    def is_traced() -> bool:
-        record = folder / "raytrace.json"
-        return record.is_file() and bool(json.loads(record.read_text()).get("complete"))
-
+    is_traced = partial(is_complete, folder / "raytrace.json")
     building = (plan.s3dis or plan.output / "buildings") / f"Area_{number}"
-    trace = ["raytrace", str(building), "-o", str(folder), "--step", f"{step:g}", "--noise", f"{plan.noise:g}"]
+    trace = [
+        "mcpseg",
+        "raytrace",
+        str(building),
+        "-o",
+        str(folder),
+        "--step",
+        f"{step:g}",
+        "--noise",
+        f"{plan.noise:g}",
+    ]
     steps = [Step((*trace, "--cache", str(plan.output / "cache" / "buildings")), is_traced)]
     if plan.s3dis is None:
-        synth = ("synth", str(building), "--seed", "1", "--rooms", str(plan.rooms))
+        synth = ("mcpseg", "synth", str(building), "--seed", "1", "--rooms", str(plan.rooms))
         steps.insert(0, Step(synth, is_traced))
     return steps
 
@@ -125,9 +142,9 @@ def train(plan: Plan, data: Path, net: str, fold: int, *options: str, name: str 
 
     def is_trained() -> bool:
         record = weights.with_suffix(".json")
-        return weights.is_file() and not (record.is_file() and not json.loads(record.read_text())["complete"])
+        return weights.is_file() and (is_complete(record) or not record.exists())
 
-    words = ["train", str(data), "--holdout", str(fold), "--net", net, "--epochs", str(plan.epochs)]
+    words = ["mcpseg", "train", str(data), "--holdout", str(fold), "--net", net, "--epochs", str(plan.epochs)]
     words += ["--schedule", "cosine", "--warm-up", "0.1", "--augment", "none", "--precision", "bf16"]
     words += ["--validation-batches", str(min(300, plan.batches or 300)), "-j", "1", "-o", str(folder), "--resume"]
     words += ["--batches", str(plan.batches)] if plan.batches else []
@@ -139,13 +156,17 @@ def score(plan: Plan, data: Path, fold: int, method: str, weights: str | None, n
     """Label the area that was held out, and compare with the truth."""
     area, run = data / f"Area_{fold}", plan.output / "runs" / name
     segment, evaluation = (plan.output / "results" / f"{name}.{kind}.json" for kind in ("segment", "eval"))
-    words = ["segment", str(area / "scans"), str(area / "poses.csv"), "-o", str(run)]
+
+    def is_labelled() -> bool:
+        return segment.is_file() and (evaluation.is_file() or (run / "map.ply").is_file())
+
+    words = ["mcpseg", "segment", str(area / "scans"), str(area / "poses.csv"), "-o", str(run)]
     words += ["--method", method.removesuffix("-offline")]
     words += ["-w", str(plan.output / "trained" / f"{weights}.safetensors")] if weights else []
     words += ["--offline"] * method.endswith("-offline")
     return [
-        Step((*words, "--json"), segment.is_file, segment),
-        Step(("eval", str(run), str(area / "gt"), "--json"), evaluation.is_file, evaluation),
+        Step((*words, "--json"), is_labelled, segment),
+        Step(("mcpseg", "eval", str(run), str(area / "gt"), "--json"), evaluation.is_file, evaluation),
     ]
 
 
@@ -166,11 +187,25 @@ def table_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
     ]
     for fold in plan.folds:
         for method in plan.methods:
-            net = method.removesuffix("-offline")
-            name, weights = f"{method}-holdout{fold}", f"{net}-holdout{fold}" if net in _NETWORKS else None
-            training = [train(plan, data, net, fold)] if weights else []
-            steps.append((name, [*training, *score(plan, data, fold, method, weights, name)]))
+            name = f"{method}-holdout{fold}"
+            training = list(train_method(plan, method, fold, name))
+            steps.append((name, [*training, *score(plan, data, fold, method, name if training else None, name)]))
     return steps
+
+
+def train_method(plan: Plan, method: str, fold: int, name: str) -> Iterator[Step]:
+    """List the steps to the weights of a method; offline methods learn from the columns of complete clouds."""
+    net, data = method.removesuffix("-offline"), plan.output / "data"
+    if net not in _NETWORKS:
+        return
+    if net == method:
+        yield train(plan, data, net, fold)
+        return
+    for number in plan.areas:
+        area = plan.output / "offline" / f"Area_{number}"
+        words = ("python", _COLUMNS, str(data / area.name), "-o", str(area))
+        yield Step(words, partial(is_complete, area / "raytrace.json"))
+    yield train(plan, plan.output / "offline", net, fold, name=name)
 
 
 def figure_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
@@ -209,7 +244,7 @@ def run(plan: Plan) -> None:
             step.run()
         if name:
             keep_map(plan, name)
-    commands = list(dict.fromkeys(shlex.join(["mcpseg", *step.command]) for _, parts in steps for step in parts))
+    commands = list(dict.fromkeys(shlex.join(step.command) for _, parts in steps for step in parts))
     report = write_report(plan.output, plan.methods, plan.folds, plan.context_points, plan.settings(), commands)
     print(report)
 

@@ -35,8 +35,7 @@ def label_cloud(voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: L
     embedding = np.empty((num_voxels, EMBEDDING), np.int16)
     floor: float | None = None
     for number, (middle, ids) in enumerate(split_blocks(voxel_map.xyz, OFFLINE_BLOCK)):
-        nearest = positions[np.argmin(np.sum((positions[:, :2] - middle) ** 2, axis=1))]
-        position = np.array([*middle, nearest[2]])
+        position = np.array([*middle, nearest_height(positions, middle)])
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))
         found = labeller.label(voxel_map, ids, position, floor, rng)
@@ -46,6 +45,16 @@ def label_cloud(voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: L
     clusters.add(embedding, labeller.partners(voxel_map, everything, embedding, embedding[:0]))
     rows = MapRows(voxel_map.xyz, voxel_map.rgb, semantic, confidence, clusters.instance, embedding)
     return rows, floor or 0.0
+
+
+def nearest_height(positions: NDArray[np.float64], middle: NDArray[np.float64]) -> float:
+    """Return the z of the position nearest to a place, metres.
+
+    Args:
+        positions: (S, 3) float64, metres; at least one.
+        middle: (2,) float64 x and y, metres.
+    """
+    return float(positions[np.argmin(np.sum((positions[:, :2] - middle) ** 2, axis=1)), 2])
 
 
 def split_blocks(xyz: NDArray[np.float32], edge: float) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:

@@ -6,11 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
+from mcpseg_cli.folds import find_areas
+from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.grid import voxel_of
 from tests.areas import write_area
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -42,20 +46,22 @@ def write_result(folder: Path, name: str, miou: float, ms: float = 8.0) -> None:
     names = ["point_accuracy", "object_accuracy", "miou_present", "mean_class_accuracy", "nmi", "ami", "ari"]
     scores = {"miou": miou, "cluster_ratio": 3.0, **dict.fromkeys(names, 0.5), "unit": "voxel"}
     scores["iou"] = {label: None if label == "sofa" else miou for label in S3DIS_CLASSES}
-    segment = {
-        "ms_per_scan": {"p50": ms, "p95": 2 * ms, "max": 40.0}, "ms_by_stage": {"network": 5.0}, "peak_memory_mb": 400.0,
-    }  # fmt: skip
+    times = {"p50": ms, "p95": 2 * ms, "max": 40.0}
+    segment = {"ms_per_scan": times, "ms_by_stage": {"network": 5.0}, "peak_memory_mb": 400.0}
     folder.mkdir(exist_ok=True)
     (folder / f"{name}.eval.json").write_text(json.dumps(scores))
     (folder / f"{name}.segment.json").write_text(json.dumps(segment))
 
 
-def test_from_nothing_to_the_tables_and_nothing_is_done_twice(tmp_path):
+def test_from_an_area_not_there_yet_to_the_tables_and_nothing_is_done_twice(tmp_path):
+    write_area(tmp_path / "paper/data/Area_1", classes=S3DIS_CLASSES)  # made elsewhere
     words = [sys.executable, EXAMPLES / "reproduce_paper.py", "-o", tmp_path / "paper", *SMALLEST]
     words += ["--methods", "region-growing,mcpnet-nocontext"]
     first, again = (subprocess.run(words, capture_output=True, text=True, check=False) for _ in range(2))
     assert (first.returncode, again.returncode) == (0, 0), first.stderr
-    assert "mcpseg train" in first.stdout
+    assert [line.split()[1] for line in first.stdout.splitlines() if line.startswith("mcpseg ")] == [
+        "synth", "raytrace", "segment", "eval", "train", "segment", "eval",
+    ]  # fmt: skip
     assert all(line.startswith("# done: mcpseg") for line in again.stdout.splitlines()[:-1])
     results = (tmp_path / "paper/results.md").read_text()
     assert "| Normal + color |" in results
@@ -72,7 +78,9 @@ def test_from_nothing_to_the_tables_and_nothing_is_done_twice(tmp_path):
 def test_every_command_has_only_options_that_exist(script):
     helps = {}
     for step in steps_of(script, "--quick", "--folds", "all"):
-        name, *rest = step.command
+        program, name, *rest = step.command
+        if program == "python":
+            continue
         if name not in helps:
             helps[name] = CliRunner().invoke(app, [name, "--help"]).stdout
         for option in (word for word in rest if word.startswith("-")):
@@ -80,7 +88,7 @@ def test_every_command_has_only_options_that_exist(script):
 
 
 def test_full_training_is_the_command_that_the_bundled_baselines_were_trained_with(script):
-    command = next(step.command for step in steps_of(script, "-o", "p") if "train" in step.command[0])
+    command = next(step.command for step in steps_of(script, "-o", "p") if step.command[1] == "train")
     settings = (
         "--epochs 6 --schedule cosine --warm-up 0.1 --augment none --precision bf16 --validation-batches 300 -j 1"
     )
@@ -93,8 +101,35 @@ def test_areas_and_weights_made_elsewhere_are_taken_as_done(script, tmp_path):
     (tmp_path / "trained").mkdir()
     (tmp_path / "trained/pointnet-holdout6.safetensors").write_text("")
     words = ["-o", str(tmp_path), "--areas", "1,6", "--methods", "pointnet", "--context-points", ""]
-    waiting = [step.command[0] for step in steps_of(script, *words) if not step.done()]
+    waiting = [step.command[1] for step in steps_of(script, *words) if not step.done()]
     assert waiting == ["segment", "eval"]
+
+
+def test_offline_methods_learn_from_columns_of_the_complete_clouds(script, tmp_path):
+    words = ["-o", str(tmp_path), "--areas", "1,6", "--methods", "pointnet-offline", "--context-points", ""]
+    commands = [" ".join(map(str, step.command)) for step in steps_of(script, *words)]
+    assert sum("complete_clouds.py" in command for command in commands) == 2
+    (training,) = [command for command in commands if command.startswith("mcpseg train")]
+    assert f"mcpseg train {tmp_path}/offline --holdout 6 --net pointnet " in training
+    assert "--name pointnet-offline-holdout6" in training
+    assert f"--method pointnet -w {tmp_path}/trained/pointnet-offline-holdout6.safetensors --offline" in commands[-2]
+
+
+def test_columns_hold_every_voxel_with_its_truth(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    from complete_clouds import write_columns
+
+    area = write_area(tmp_path / "Area_1", num_scans=3)
+    count = write_columns(area, tmp_path / "offline/Area_1")
+    clouds = [read_cloud(path) for path in sorted((tmp_path / "offline/Area_1/gt").iterdir())]
+    assert len(clouds) == count > 4
+    (only,) = find_areas(tmp_path / "offline")
+    assert only.number == 1
+    for cloud in clouds:
+        assert np.ptp(cloud.xyz[:, :2], axis=0).max() <= 1.0
+        assert cloud.label("semantic").max() < len(cloud.classes)
+    voxels = voxel_of(np.concatenate([cloud.xyz for cloud in clouds]), 0.1)
+    assert len(np.unique(voxels, axis=0)) == len(voxels) > 500
 
 
 def test_interrupted_training_is_continued(script, tmp_path):
@@ -102,15 +137,15 @@ def test_interrupted_training_is_continued(script, tmp_path):
     (tmp_path / "trained/sgpn-holdout6.safetensors").write_text("")
     (tmp_path / "trained/sgpn-holdout6.json").write_text('{"complete": false}')
     steps = steps_of(script, "-o", str(tmp_path), "--methods", "sgpn", "--context-points", "")
-    (training,) = [step for step in steps if step.command[0] == "train"]
+    (training,) = [step for step in steps if step.command[1] == "train"]
     assert not training.done()
     assert "--resume" in training.command
 
 
 def test_s3dis_is_scanned_as_in_the_paper_and_never_written_to(script, tmp_path):
     steps = steps_of(script, "-o", str(tmp_path / "out"), "--s3dis", "s3dis", "--context-points", "")
-    traces = [" ".join(step.command) for step in steps if step.command[0] == "raytrace"]
-    assert not [step for step in steps if step.command[0] == "synth"]
+    traces = [" ".join(step.command) for step in steps if step.command[1] == "raytrace"]
+    assert not [step for step in steps if step.command[1] == "synth"]
     assert len(traces) == 6
     assert all("--step 0.2 --noise 0 --cache" in trace for trace in traces)
 
