@@ -35,6 +35,7 @@ test: lint
 benchmark: $(VENV)/installed-test
 	$(BIN)/python -m tests.benchmarks.lidar
 	$(BIN)/python -m tests.benchmarks.scale --voxels 500000
+	$(BIN)/python -m tests.benchmarks.evaluation
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -44,6 +44,10 @@ class OutputError(McpsegError):
     """An output that cannot be written."""
 
 
+class BelowThresholdError(McpsegError):
+    """A figure below what was asked for."""
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Name the file in an OSError that does not: failed writes say what went wrong, but not where."""

@@ -68,7 +68,10 @@ class ObjectScores:
         ap: Average precision over IoU 0.50 to 0.90.
         ap50: At IoU 0.5.
         ap25: At IoU 0.25.
-        ap_min_points: Smallest object the three count.
+        ap_agnostic: AP with classes ignored, truth's and prediction's.
+        ap50_agnostic: The same at IoU 0.5.
+        ap25_agnostic: The same at IoU 0.25.
+        ap_min_points: Smallest object these six count.
         mcov: Mean coverage.
         mwcov: Mean coverage, objects weighted by size.
         mprec: Mean class precision at IoU 0.5.
@@ -89,6 +92,9 @@ class ObjectScores:
     ap: float
     ap50: float
     ap25: float
+    ap_agnostic: float
+    ap50_agnostic: float
+    ap25_agnostic: float
     ap_min_points: int
     mcov: float
     mwcov: float
@@ -97,15 +103,24 @@ class ObjectScores:
 
 
 def score_clusters(labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]) -> ClusterScores:
-    """Compare clusterings of the same points; every score is 0 without points."""
+    """Compare clusterings of the same points; every score is 0 without points.
+
+    Args:
+        labels_true: (N,) true object ids, all above 0.
+        labels_pred: (N,) predicted object ids; points of 0, no object, are one cluster that is not counted.
+
+    Returns:
+        The scores.
+    """
     if len(labels_true) == 0:
         return ClusterScores(0, 0, *[0.0] * 7)
     table = contingency(labels_true, labels_pred)
     nmi, homogeneity, completeness = information_scores(table)
+    objects_pred = table.shape[1] - int(labels_pred.min() <= 0)
     return ClusterScores(
         objects_true=table.shape[0],
-        objects_pred=table.shape[1],
-        cluster_ratio=table.shape[1] / table.shape[0],
+        objects_pred=objects_pred,
+        cluster_ratio=objects_pred / table.shape[0],
         nmi=nmi,
         ami=adjusted_mutual_information(table),
         ari=adjusted_rand_index(table),
@@ -130,6 +145,7 @@ def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
     both = panoptic_quality(overlaps, stuff=stuff)
     is_stuff = np.isin(np.arange(len(classes)), stuff)
     precision, covered = average_precision(overlaps), coverage(overlaps)
+    agnostic = average_precision(overlaps.without_classes())
     return ObjectScores(
         object_accuracy=object_accuracy(overlaps),
         precision_50=precision_50(overlaps),
@@ -145,6 +161,9 @@ def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
         ap=precision.ap,
         ap50=precision.ap50,
         ap25=precision.ap25,
+        ap_agnostic=agnostic.ap,
+        ap50_agnostic=agnostic.ap50,
+        ap25_agnostic=agnostic.ap25,
         ap_min_points=MIN_POINTS,
         mcov=covered.mcov,
         mwcov=covered.mwcov,

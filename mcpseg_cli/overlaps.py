@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,12 @@ class Overlaps:
         same: NDArray[np.bool_] = self.true.semantic[self.rows] == self.pred.semantic[self.columns]
         return same
 
+    def without_classes(self) -> Overlaps:
+        """Return the same objects, all of one class; predicted ones of unknown class, too."""
+        true = replace(self.true, semantic=np.zeros_like(self.true.semantic))
+        pred = replace(self.pred, semantic=np.zeros_like(self.pred.semantic))
+        return replace(self, true=true, pred=pred, num_classes=1)
+
 
 @dataclass(frozen=True)
 class PointLabels:
@@ -118,6 +125,40 @@ def find_overlaps(
         columns=pairs % num_pred,
         shared=shared,
         num_classes=num_classes,
+    )
+
+
+def join_overlaps(parts: Sequence[Overlaps]) -> Overlaps:
+    """Put the objects of several places side by side, as if each place had units of its own.
+
+    Args:
+        parts: At least one, all with the same class table.
+
+    Returns:
+        The objects of all.
+    """
+    firsts_true = np.cumsum([0, *[len(part.true) for part in parts]])
+    firsts_pred = np.cumsum([0, *[len(part.pred) for part in parts]])
+    units = [int(max(part.true.unit.max(initial=-1), part.pred.unit.max(initial=-1))) + 1 for part in parts]
+    firsts_unit = np.cumsum([0, *units])
+    return Overlaps(
+        _side_by_side([part.true for part in parts], firsts_unit),
+        _side_by_side([part.pred for part in parts], firsts_unit),
+        valid=np.concatenate([part.valid for part in parts]),
+        confidence=np.concatenate([part.confidence for part in parts]),
+        rows=np.concatenate([part.rows + first for part, first in zip(parts, firsts_true, strict=False)]),
+        columns=np.concatenate([part.columns + first for part, first in zip(parts, firsts_pred, strict=False)]),
+        shared=np.concatenate([part.shared for part in parts]),
+        num_classes=parts[0].num_classes,
+    )
+
+
+def _side_by_side(parts: Sequence[Objects], firsts_unit: NDArray[np.int64]) -> Objects:
+    """List the objects of several places, with units counted on."""
+    return Objects(
+        np.concatenate([part.semantic for part in parts]),
+        np.concatenate([part.unit + first for part, first in zip(parts, firsts_unit, strict=False)]),
+        np.concatenate([part.size for part in parts]),
     )
 
 

@@ -12,7 +12,9 @@ LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
     {"formats", "voxel_map", "clustering", "floor", "metrics", "overlaps", "recording", "raytrace", "synthetic"}
     | {"region_growing"},
-    {"instance_metrics", "average_precision", "object_scores"},
+    {"instance_metrics", "average_precision", "object_scores", "class_scores", "label_columns", "label_stability"},
+    {"truth", "room_scores", "score_curve", "run_events", "answer", "figures"},
+    {"pairing", "score_plots"},
     {"context", "networks", "losses", "replay", "augmentation"},
     {
         "state",
@@ -20,6 +22,8 @@ LAYERS = [
         "weights",
         "tensor_bundle",
         "evaluation",
+        "followed_run",
+        "several_runs",
         "sample_cache",
         "samples",
         "device",

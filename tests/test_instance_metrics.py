@@ -15,7 +15,7 @@ from mcpseg_cli.instance_metrics import (
     panoptic_quality,
     precision_50,
 )
-from mcpseg_cli.overlaps import PointLabels, find_overlaps
+from mcpseg_cli.overlaps import PointLabels, find_overlaps, join_overlaps
 
 NUM_CLASSES = 3
 MIN_POINTS = 3
@@ -278,3 +278,53 @@ def test_renumbering_the_objects_and_shuffling_the_points_changes_nothing(scene)
     assert panoptic_quality(first, stuff=(1,)).pq == pytest.approx(panoptic_quality(second, stuff=(1,)).pq)
     assert coverage(first).mwcov == pytest.approx(coverage(second).mwcov)
     assert average_precision(first, min_points=1).ap == pytest.approx(average_precision(second, min_points=1).ap)
+
+
+def pixels(text, void="2"):
+    """Labels from words of category and number: categories 0, 1 are things, 6, 7 stuff, ``void`` unknown."""
+    words = text.split()
+    classes = {"0": 0, "1": 1, "6": 2, "7": 3, void: UNKNOWN}
+    return PointLabels(
+        np.array([classes[word[0]] for word in words]),
+        np.array([10 * int(word[0]) + int(word[1]) + 1 for word in words]),
+    )
+
+
+def test_the_panoptic_example_of_torchmetrics_has_the_published_qualities():
+    pred = pixels("60 00 60 60  00 00 60 01  00 00 60 01  00 70 60 10  00 70 70 70")
+    true = pixels("60 01 60 01  01 01 60 01  01 01 60 10  01 70 10 10  01 70 70 70")
+    quality = panoptic_quality(find_overlaps(true, pred, 4), stuff=(2, 3))
+    assert (quality.pq, quality.sq, quality.rq) == pytest.approx((0.5463, 0.6111, 0.6667), abs=5e-5)
+    assert quality.by_class == pytest.approx([0.5185, 0.0, 0.6667, 1.0], abs=5e-5)
+
+
+def test_the_modified_panoptic_example_of_torchmetrics_has_the_published_quality():
+    overlaps = find_overlaps(pixels("01 00 60 70 60 20"), pixels("00 01 60 70 02 10"), 4)
+    assert panoptic_quality(overlaps, stuff=(2, 3)).pq_dagger == pytest.approx(0.7667, abs=5e-5)
+
+
+def test_without_classes_a_prediction_of_another_class_is_right():
+    overlaps = find_overlaps(*scene_of((100, 0, 1, 1, 1), (100, 1, 2, UNKNOWN, 2)), 2)
+    assert average_precision(overlaps).ap == 0.0
+    assert average_precision(overlaps.without_classes()).ap == 1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(scenes())
+def test_joined_places_equal_units_of_one(scene):
+    true, pred, unit, confidence = scene
+    parts = [unit == number for number in np.unique(unit)]
+    whole = find_overlaps(true, pred, NUM_CLASSES, unit=unit, confidence=confidence)
+    apart = [
+        find_overlaps(
+            PointLabels(true.semantic[part], true.instance[part]),
+            PointLabels(pred.semantic[part], pred.instance[part]),
+            NUM_CLASSES,
+            confidence=confidence[part],
+        )
+        for part in parts
+    ]
+    joined = join_overlaps(apart)
+    assert panoptic_quality(joined).pq == pytest.approx(panoptic_quality(whole).pq)
+    assert average_precision(joined, min_points=1).ap == pytest.approx(average_precision(whole, min_points=1).ap)
+    assert (joined.rows.tolist(), joined.columns.tolist()) == (whole.rows.tolist(), whole.columns.tolist())

@@ -1,39 +1,141 @@
-"""``mcpseg eval``: score a labelled map against ground truth."""
+"""``mcpseg eval``: score labelled maps against ground truth."""
+
+from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import Json
+from mcpseg_cli.cli.options import Json, Quiet
+
+if TYPE_CHECKING:
+    from mcpseg_cli.evaluation import Scores
 
 
 def evaluate(
-    output: Annotated[
-        Path, typer.Argument(metavar="OUT", help="Folder that 'mcpseg segment' wrote, or one labelled cloud.")
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="OUT GT",
+            help="OUT: folder that 'mcpseg segment' wrote, or one labelled cloud. GT: folder of labelled clouds, one "
+            "labelled cloud, an HDF5 building, or an area in the S3DIS layout.",
+        ),
     ],
-    truth: Annotated[Path, typer.Argument(metavar="GT", help="Folder of labelled clouds, or one labelled cloud.")],
     as_json: Json = False,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: a line for each run and room.")] = False,
+    rooms: Annotated[bool, typer.Option("--rooms", help="Also print a line for each room that GT names.")] = False,
+    fail_under: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Exit 1 if a figure is below a value; may be repeated."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Also draw confusion matrix, IoU by class and mIoU over the scans (PNG)."),
+    ] = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Score a labelled map against ground truth.
+    """Score labelled maps against ground truth.
 
-    Every point of the map, one a voxel, is compared with the nearest true point within half a voxel. Clusters and
-    objects are scored over the whole map, on points of true objects. Panoptic quality takes every class for things;
-    the figures "with stuff" take ceiling, floor and wall for stuff. AP is the ScanNet evaluator's: IoU 0.50 to 0.90,
-    objects of 100 points and more, ranked by mean confidence.
+    Every point of a map, one a voxel, is compared with the nearest true point within half a voxel; of identical
+    clouds, with the same point. What has no true point, or one without class or object, is counted and not scored.
 
+    Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given with a room as the
+    unit, too: means over rooms for points and clusters; objects match within rooms and count together. Panoptic
+    quality takes every class for things; "with_stuff", ceiling, floor and wall for stuff. AP is the ScanNet
+    evaluator's: objects of 100 points and more, ranked by mean confidence; "agnostic" ignores classes.
+
+    Of a run's folder, events.jsonl gives the milliseconds per scan, and the labelled scans tell how often voxels
+    changed their class or object when seen again, and how good the map was on the way.
+
+    Several runs are pooled (confusion matrices summed, objects together) and averaged. --fail-under takes the names
+    that --json prints, such as miou, iou.wall, rooms.ari; of several runs it takes the pooled figure where there is
+    one, else the mean, unless it begins with "pooled." or "mean.".
+
+    \b
     Examples:
       mcpseg eval out/ gt/
-
-      mcpseg eval out/ gt/ --json | jq .point_accuracy
+      mcpseg eval out/ s3dis/Area_5 --rooms --plot pictures/
+      mcpseg eval out_1 gt_1 out_2 gt_2 --csv > scores.csv
+      mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8
     """
-    import json
+    from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
-    from mcpseg_cli.cli.display import print_table
+    if len(paths) % 2:
+        raise typer.BadParameter(f"{len(paths)} paths; expected pairs of OUT and GT", param_hint="'OUT GT'")
+    if as_json and as_csv:
+        raise typer.BadParameter("goes to stdout as --json does; choose one", param_hint="'--csv'")
+    demands = parse_demands(fail_under or [])
+    if plot:
+        from mcpseg_cli.score_plots import prepare_plots
+
+        prepare_plots(plot)
+    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
+    document = _document(runs)
+    check_names(demands, document)
+    _print(runs, document, as_json=as_json, as_csv=as_csv, rooms=rooms)
+    if plot:
+        _draw(plot, runs)
+    check_demands(demands, document)
+
+
+def _score_all(pairs: list[tuple[Path, Path]], *, quiet: bool) -> list[Scores]:
+    """Score pair after pair, all in the class table of the first; say what the user should know."""
+    from mcpseg_cli.cli.display import notice
+
+    runs: list[Scores] = []
+    for output, truth in pairs:
+        runs.append(_score_one(output, truth, runs[0].classes if runs else (), quiet=quiet))
+        for line in runs[-1].notices:
+            notice(f"mcpseg: {line}", quiet=quiet)
+    return runs
+
+
+def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bool) -> Scores:
+    """Score one pair under a progress bar."""
+    from mcpseg_cli.cli.display import progress_bar
     from mcpseg_cli.evaluation import evaluate_run
 
-    scores = evaluate_run(output, truth)
+    with progress_bar(f"read {output.name}", quiet=quiet) as bar:
+        task = bar.add_task("", total=None, state="")
+
+        def told(what: str, done: int, size: int) -> None:
+            bar.update(task, completed=done, total=size, state=what)
+
+        return evaluate_run(output, truth, classes=classes, told=told)
+
+
+def _document(runs: list[Scores]) -> dict[str, object]:
+    """Give the scores of one run, or of several with what they come to together."""
+    if len(runs) == 1:
+        return runs[0].document()
+    from mcpseg_cli.several_runs import average, pool
+
+    documents = [run.document() for run in runs]
+    return {"runs": documents, "pooled": pool(runs), "mean": average(documents)}
+
+
+def _print(runs: list[Scores], document: dict[str, object], *, as_json: bool, as_csv: bool, rooms: bool) -> None:
+    """Print the scores on stdout."""
+    import json
+
+    from mcpseg_cli.cli.score_table import print_blocks, print_csv, score_blocks
+
     if as_json:
-        typer.echo(json.dumps(scores.document()))
+        typer.echo(json.dumps(document))
+    elif as_csv:
+        print_csv(runs, document)
     else:
-        print_table(scores.table())
+        print_blocks(score_blocks(runs, document, with_rooms=rooms))
+
+
+def _draw(folder: Path, runs: list[Scores]) -> None:
+    """Draw the pictures: of several runs, the sum of the confusion matrices and a curve for each."""
+    from mcpseg_cli.score_plots import plot_class_iou, plot_confusion, plot_over_scans
+
+    confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
+    plot_confusion(folder / "confusion_matrix.png", confusion, runs[0].classes, runs[0].unit)
+    plot_class_iou(folder / "class_iou.png", confusion, runs[0].classes)
+    curves = {str(run.output): run.followed.curve for run in runs if run.followed and run.followed.curve}
+    if curves:
+        plot_over_scans(folder / "miou_over_scans.png", curves)

@@ -144,7 +144,7 @@ def test_the_bundled_example_runs_resumes_and_scores(tmp_path):
 
 def test_truth_scored_against_itself_is_perfect():
     scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
-    assert scores["unit"] == "voxel"
+    assert scores["unit"] == "point"  # a cloud; a run has voxels
     for name in ("point_accuracy", "miou_present", "nmi", "ari", "homogeneity", "completeness", "mean_class_accuracy"):
         assert scores[name] == pytest.approx(1.0)
 

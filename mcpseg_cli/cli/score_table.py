@@ -1,0 +1,179 @@
+"""Scores as people and spreadsheets read them: a table on a terminal, aligned text otherwise, CSV."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from mcpseg_cli.cli.score_sections import SECTIONS
+from mcpseg_cli.evaluation import Scores
+from mcpseg_cli.figures import Figure, flatten
+
+Column = tuple[str, Mapping[str, Figure]]
+"""A title and figures by dotted name."""
+
+_ROOM_COLUMNS = ("points", "point_accuracy", "miou_present", "nmi", "ami", "ari", "cluster_ratio")
+
+
+@dataclass(frozen=True)
+class Block:
+    """Lines of a table under one heading.
+
+    Attributes:
+        title: The heading.
+        columns: Titles of the columns behind the name, those that have a value; a single one is not printed.
+        rows: The name and the value in each column.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def score_blocks(runs: Sequence[Scores], document: Mapping[str, object], *, with_rooms: bool) -> list[Block]:
+    """Lay out the scores of one or several runs.
+
+    Args:
+        runs: The runs.
+        document: That of the run, or ``runs``, ``pooled`` and ``mean`` of several.
+        with_rooms: Add a line for every room.
+
+    Returns:
+        Headings say the unit and the protocol; lines without any value are left out.
+    """
+    columns = _columns(runs, document)
+    facts = {
+        "unit": _distinct(run.unit for run in runs),
+        "pairing": _distinct(run.pairing for run in runs),
+        "classes_from": _distinct(run.classes_from for run in runs),
+        "over": "whole map and by room" if len(runs) == 1 and runs[0].rooms else "whole map",
+        "min_points": str(runs[0].objects.ap_min_points),
+    }
+    blocks = []
+    for title, names in SECTIONS:
+        used = [column for column in columns if any(row[1] != "-" for name in names for row in _rows(name, [column]))]
+        rows = [row for name in names for row in _rows(name, used)]
+        if rows:
+            blocks.append(Block(title.format(**facts), tuple(title for title, _ in used), tuple(rows)))
+    if with_rooms:
+        blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
+    return blocks
+
+
+def print_blocks(blocks: Sequence[Block]) -> None:
+    """Print blocks on stdout: tables on a terminal, plain aligned text with ``#`` before headings otherwise."""
+    console = Console(soft_wrap=True)
+    if console.is_terminal:
+        for block in blocks:
+            _print_rich(console, block)
+        return
+    width = max(len(row[0]) for block in blocks for row in block.rows)
+    for block in blocks:
+        typer.echo(f"# {block.title}")
+        lines = [("", *block.columns)] if len(block.columns) > 1 else []
+        lines += block.rows
+        widths = [max(9, *(len(line[column]) for line in lines)) for column in range(1, len(block.columns) + 1)]
+        for name, *values in lines:
+            cells = (f"{value:>{size}}" for value, size in zip(values, widths, strict=True))
+            typer.echo(f"{name:<{width}}  {'  '.join(cells)}")
+
+
+def print_csv(runs: Sequence[Scores], document: Mapping[str, object]) -> None:
+    """Print CSV on stdout: a line for every run, every room and their mean, and for several runs pooled and mean."""
+    lines: list[dict[str, Figure]] = []
+    for run in runs:
+        named: dict[str, Figure] = {"out": str(run.output), "gt": str(run.truth), "unit": run.unit}
+        whole = run.document()
+        rooms = whole.pop("rooms")
+        lines.append({**named, **flatten(whole)})
+        if run.rooms and isinstance(rooms, dict):
+            by_room = rooms.pop("by_room")
+            lines += [{**named, "scored_over": "room", "room": name, **flatten(by_room[name])} for name in by_room]
+            lines.append({**named, "room": "(mean)", **flatten(rooms)})
+    for part in ("pooled", "mean"):
+        figures = document.get(part)
+        if isinstance(figures, dict):
+            lines.append({"out": f"({part})", **flatten(figures)})
+    names = list(dict.fromkeys(["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]))
+    writer = csv.DictWriter(sys.stdout, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+
+
+def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Column]:
+    """Choose the columns: the map and its rooms of one run; every run, pooled and mean of several."""
+    if len(runs) == 1:
+        flat = flatten(document)
+        whole = {name: value for name, value in flat.items() if not name.startswith("rooms.")}
+        if not runs[0].rooms:
+            return [("whole map", whole)]
+        title = f"by room ({len(runs[0].rooms.rooms)})"
+        return [("whole map", whole), (title, _without("rooms.", flat))]
+    parts = [("pooled", document["pooled"]), ("mean", document["mean"])]
+    columns: list[Column] = [(name, flatten(run.document())) for name, run in zip(_names(runs), runs, strict=True)]
+    return columns + [(title, flatten(part)) for title, part in parts if isinstance(part, Mapping)]
+
+
+def _without(prefix: str, flat: Mapping[str, Figure]) -> dict[str, Figure]:
+    """Take the figures whose names have the prefix, without it."""
+    return {name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)}
+
+
+def _names(runs: Sequence[Scores]) -> list[str]:
+    """Name the runs: by their last part if that tells them apart."""
+    paths = [Path(run.output) for run in runs]
+    short = [path.name for path in paths]
+    return short if len(set(short)) == len(short) else [str(path) for path in paths]
+
+
+def _rows(name: str, columns: Sequence[Column]) -> list[tuple[str, ...]]:
+    """Give the lines of a figure, or of all figures below ``name.``; none where it is not known."""
+    if name.endswith("."):
+        below = dict.fromkeys(key for _, flat in columns for key in flat if key.startswith(name))
+        return [row for key in below for row in _rows(key, columns)]
+    if not any(name in flat for _, flat in columns):
+        return []
+    return [(name.replace(".", " "), *(_text(flat.get(name)) for _, flat in columns))]
+
+
+def _text(value: Figure) -> str:
+    """Write a figure for reading."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return f"{value:,}" if isinstance(value, int) else value
+
+
+def _distinct(texts: Iterable[str]) -> str:
+    """Join different texts."""
+    return " or ".join(dict.fromkeys(texts))
+
+
+def _room_block(run: Scores, is_named: bool) -> Block:
+    """Lay out a line for every room of a run."""
+    assert run.rooms is not None
+    flat = [(room.name, flatten(room.document())) for room in run.rooms.rooms]
+    rows = [(name, *(_text(figures[column]) for column in _ROOM_COLUMNS)) for name, figures in flat]
+    title = f"rooms of {run.output}" if is_named else "rooms"
+    return Block(f"{title}, each by itself", _ROOM_COLUMNS, tuple(rows))
+
+
+def _print_rich(console: Console, block: Block) -> None:
+    """Print one block as a table."""
+    console.print(Text(block.title, style="bold cyan"))
+    table = Table(box=None, pad_edge=False, show_header=len(block.columns) > 1, padding=(0, 2, 0, 2))
+    table.add_column("")
+    for title in block.columns:
+        table.add_column(Text(title, style="bold"), justify="right")
+    for row in block.rows:
+        table.add_row(*(Text(value) for value in row))
+    console.print(table, markup=False, highlight=False, emoji=False)
