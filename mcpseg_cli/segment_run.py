@@ -286,7 +286,7 @@ def _configuration(
     if isinstance(method, Weights):
         what: dict[str, object] = {"weights": method.sha256}
     else:
-        what = {"weights": None, "method": {"region-growing": method.model_dump()}}
+        what = {"weights": None, "method": "region-growing", "region_growing": method.model_dump()}
     return {
         **settings.model_dump(mode="json"),
         "frame": options.frame,

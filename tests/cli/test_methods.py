@@ -31,6 +31,13 @@ def test_region_growing_needs_no_weights_and_continues_its_run(recording, tmp_pa
     assert "nothing new" in again.stderr
 
 
+def test_a_run_is_not_continued_with_another_method(recording, tmp_path, weights_path):
+    segment(recording, tmp_path / "out", "-w", weights_path)
+    result = segment(recording, tmp_path / "out", "--method", "region-growing")
+    assert result.exit_code == 1
+    assert "made with --method (none), now region-growing" in result.stderr
+
+
 def test_region_growing_resumed_equals_region_growing_in_one_go(recording, tmp_path):
     scans, poses = recording
     segment(recording, tmp_path / "whole", "--method", "region-growing")
