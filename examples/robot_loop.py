@@ -13,7 +13,7 @@ for source in open_recording(folder / "scans", folder / "poses.csv"):  # your se
     scan, _ = read_scan(source, frame="map", voxel_size=0.1)  # or Scan(xyz, rgb, pose, name)
     update = segmenter.register_scan(scan)
     labels = segmenter.labels(update.point_ids)  # semantic, instance, confidence of every point of the scan
-    ahead = labels.semantic == segmenter.info.classes.index("door")
+    ahead = labels.semantic == segmenter.classes.index("door")
     print(f"{scan.name}: {update.num_new} new voxels, {len(update.merges)} merges, {ahead.sum()} points on doors")
 
 for item in sorted(segmenter.objects(), key=lambda item: -item.num_points)[:5]:

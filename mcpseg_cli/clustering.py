@@ -11,6 +11,8 @@ from mcpseg_cli.config import EMBEDDING
 
 _SCALE = 32767  # unit embeddings are kept as 16-bit fractions of this
 _NONE = -1
+ANY = -np.inf
+"""The similarity above which all neighbours are connected."""
 
 
 class Clusters:

@@ -12,6 +12,7 @@ BATCH = 256  # N: points per batch of MCPNet (III-D)
 BASELINE_BATCH = 1024  # points per batch of the networks it is compared with, in the authors' program
 SIMILARITY = 0.9  # beta of MCPNet (IV-B)
 SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
+OFFLINE_BLOCK = 1.0  # metres, edge of the columns that a complete cloud is labelled in, as in the authors' program
 TRIPLET_MARGIN = 1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
 
 ContextWindow = Literal["cells", "coarse"]
@@ -19,6 +20,9 @@ ContextWindow = Literal["cells", "coarse"]
 a side around the point, as in the authors' program. Weights carry which of the two they were trained with."""
 
 Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
+Method = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing"]
+"""What labels: a network, or region growing (table II)."""
+
 Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]
 FloorRule = Literal["map", "scan-min"]
@@ -46,6 +50,28 @@ class SegmentSettings(BaseModel):
     similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
     floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)
+
+
+class RegionGrowingSettings(BaseModel):
+    """Which neighbouring voxels are one surface to region growing (table II).
+
+    The paper gives no numbers; these were chosen on a synthetic building that no table is made with.
+
+    Attributes:
+        reach: Cells from a voxel to the points that decide its normal.
+        min_points: Fewest points that make a surface.
+        max_curvature: Surfaces of more are rough: the least variance's share of all, 0 for a plane.
+        max_angle_deg: Normals farther apart are not one surface.
+        max_colour: Colours farther apart are not; Euclidean, of 0 to 441.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    reach: int = Field(default=2, ge=1, le=4)
+    min_points: int = Field(default=6, ge=3)
+    max_curvature: float = Field(default=0.08, ge=0.0, le=1 / 3)
+    max_angle_deg: float = Field(default=12.0, ge=0.0, le=180.0)
+    max_colour: float = Field(default=40.0, ge=0.0)
 
 
 AUTHORS_SCANNER = {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0}

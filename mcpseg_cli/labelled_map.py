@@ -94,7 +94,7 @@ class LabelledMap:
         lines = (
             "ply",
             "format binary_little_endian 1.0",
-            f"comment mcpseg classes {','.join(self._classes)}",
+            *[f"comment mcpseg classes {','.join(self._classes)}"] * bool(self._classes),
             f"comment {'.' * (_COUNT_DIGITS - len(digits))}",
             f"element vertex {digits}",
             *_PROPERTIES,

@@ -19,7 +19,7 @@ class MapObject:
 
     Attributes:
         id: Its object id.
-        class_name: Class by vote of its points; a tie goes to the first in the class table.
+        class_name: Class by vote of its points; a tie goes to the first in the table. ``unknown`` without classes.
         confidence: Mean confidence of the points that voted for that class, 0-1.
         num_points: Points (voxels) it has.
         centroid: Mean of its points, metres, map frame.
@@ -59,7 +59,7 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     xyz = rows.xyz[order].astype(np.float64)
     semantic = rows.semantic[order]
     owner = np.repeat(np.arange(len(ids)), counts)
-    voted = _vote(semantic, owner, len(ids), len(classes))
+    voted = _vote(semantic, owner, len(ids))
     agrees = semantic == voted[owner]
     confidence = np.bincount(owner, rows.confidence[order] * agrees) / np.bincount(owner, agrees)
     centroid = np.add.reduceat(xyz, starts) / counts[:, None]
@@ -68,23 +68,25 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     height = np.stack([(low[:, 2] + high[:, 2]) / 2, high[:, 2] - low[:, 2]])
     return [
         MapObject(
-            int(ids[i]), classes[voted[i]], round(float(confidence[i]), 4), int(counts[i]), _rounded(centroid[i]),
-            _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
+            int(ids[i]), _name(classes, voted[i]), round(float(confidence[i]), 4), int(counts[i]),
+            _rounded(centroid[i]), _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
             _rounded([*size[i], height[1, i]]), float(yaw_deg[i]),
         )
         for i in range(len(ids))
     ]  # fmt: skip
 
 
-def _vote(
-    semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int, num_classes: int
-) -> NDArray[np.int64]:
+def _vote(semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int) -> NDArray[np.int64]:
     """Find the most frequent class of each object without a table of objects times classes."""
-    pair, votes = np.unique(owner * num_classes + semantic, return_counts=True)
-    best = np.lexsort((-pair, votes, pair // num_classes))  # last of each object: most votes, then lowest class
-    last = np.flatnonzero(np.diff(pair[best] // num_classes, append=num_objects))
-    voted: NDArray[np.int64] = pair[best][last] % num_classes
+    pair, votes = np.unique((owner << 8) | semantic, return_counts=True)
+    best = np.lexsort((-pair, votes, pair >> 8))  # last of each object: most votes, then lowest class
+    last = np.flatnonzero(np.diff(pair[best] >> 8, append=num_objects))
+    voted: NDArray[np.int64] = pair[best][last] & 255
     return voted
+
+
+def _name(classes: tuple[str, ...], index: int) -> str:
+    return classes[index] if index < len(classes) else "unknown"
 
 
 def _rounded(values: NDArray[np.float64] | list[float]) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from types import TracebackType
 import numpy as np
 
 from mcpseg_cli import __version__
-from mcpseg_cli.config import Frame, SegmentSettings
+from mcpseg_cli.config import Frame, RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import InputError, StateError, naming
 from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud, write_partial
 from mcpseg_cli.labelled_map import LabelledMap
@@ -36,12 +36,14 @@ class RunOptions:
         frame: Frame of the scans' coordinates.
         format: Ending of the labelled scans, without its dot; None for each scan's own.
         on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
+        offline: Whether all scans are labelled together, when the last is read.
         command: The command line, for the record.
     """
 
     frame: Frame = "map"
     format: str | None = None
     on_error: str = "stop"
+    offline: bool = False
     command: Sequence[str] = ()
 
 
@@ -70,8 +72,8 @@ class SegmentRun:
     Args:
         recording: All scans, consumed ones included, in order.
         output: Folder of the run; made if not there.
-        weights: Network and class table.
-        segmenter: A new segmenter with these weights.
+        method: What labels: a network with its weights, or region growing.
+        segmenter: A new segmenter with it.
         options: How to read and write.
 
     Raises:
@@ -84,7 +86,7 @@ class SegmentRun:
         self,
         recording: list[ScanFile],
         output: Path,
-        weights: Weights,
+        method: Weights | RegionGrowingSettings,
         segmenter: IncrementalSegmenter,
         options: RunOptions,
     ) -> None:
@@ -98,14 +100,14 @@ class SegmentRun:
         self._open_files = ExitStack()
         self._state = self._open_files.enter_context(State(output / "state.sqlite"))
         try:
-            self._check_configuration(_configuration(weights, segmenter, options))
+            self._check_configuration(_configuration(method, segmenter, options))
             self.records = self._state.scans()
             self.pending = _pending(recording, self.records, self._state.path)
             self.resumed_from = len(self.records)
             self._restore()
-            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.info.classes))
+            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.classes))
             self._reconcile(recording)
-            self._write_run_json(weights)
+            self._write_run_json(method)
         except BaseException:
             self._open_files.close()
             raise
@@ -133,7 +135,7 @@ class SegmentRun:
                 return
             started = perf_counter()
             try:
-                fingerprint = _fingerprint(source)
+                identity = fingerprint(source)
                 scan, cloud = read_scan(source, self._options.frame, self.segmenter.settings.voxel_size)
             except (InputError, OSError) as error:
                 if self._options.on_error != "skip":
@@ -145,8 +147,8 @@ class SegmentRun:
             update = self.segmenter.register_scan(scan)
             update = replace(update, ms={"read": read_ms, **update.ms})
             record = replace(
-                fingerprint, num_points=len(cloud), num_voxels=len(self.segmenter.map), floor=update.floor,
-                event=_event(len(self.records), source, len(cloud), self.segmenter, update),
+                identity, num_points=len(cloud), num_voxels=len(self.segmenter.map), floor=update.floor,
+                event=describe_scan(len(self.records), source, len(cloud), update, self.segmenter.clusters.num_objects),
             )  # fmt: skip
             yield self._finish_scan(source, cloud, update, record, started)
 
@@ -186,14 +188,12 @@ class SegmentRun:
 
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
-        number = len(self.records)
-        event = json.dumps({"scan": number, "name": source.path.name, "skipped": str(error)})
-        floor = self.records[-1].floor if self.records else None
         num_voxels = len(self.segmenter.map)
-        record = ScanRecord(source.path.name, 0, 0, "", source.pose, 0, num_voxels, floor, str(error), event, 0)
+        floor = self.records[-1].floor if self.records else None
+        record = skipped_scan(len(self.records), source, error, num_voxels, floor)
         self._state.commit(record, self.segmenter.rows(num_voxels), np.empty((0, 2), np.int32))
         self.records.append(record)
-        self._append_event(event, None)
+        self._append_event(record.event, None)
         return ScanReport(record.name, 0, None, str(error), 1e3 * (perf_counter() - started))
 
     def _check_configuration(self, asked: dict[str, object]) -> None:
@@ -262,28 +262,39 @@ class SegmentRun:
         with naming(path), path.open("a") as file:
             file.write(line)
 
-    def _write_run_json(self, weights: Weights) -> None:
+    def _write_run_json(self, method: Weights | RegionGrowingSettings) -> None:
+        weights = None
+        if isinstance(method, Weights):
+            weights = {"name": method.name, "sha256": method.sha256, **method.info.model_dump(mode="json")}
         document = {
             "mcpseg": __version__,
             "python": platform.python_version(),
             "command": list(self._options.command),
-            "configuration": _configuration(weights, self.segmenter, self._options),
-            "weights": {"name": weights.name, "sha256": weights.sha256, **weights.info.model_dump(mode="json")},
-            "classes": list(self.segmenter.info.classes),
+            "method": method.info.architecture if isinstance(method, Weights) else "region-growing",
+            "configuration": _configuration(method, self.segmenter, self._options),
+            "weights": weights,
+            "classes": list(self.segmenter.classes),
         }
         _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
 
 
-def _configuration(weights: Weights, segmenter: IncrementalSegmenter, options: RunOptions) -> dict[str, object]:
+def _configuration(
+    method: Weights | RegionGrowingSettings, segmenter: IncrementalSegmenter, options: RunOptions
+) -> dict[str, object]:
     """Collect everything that decides the outputs."""
     settings: SegmentSettings = segmenter.settings
+    if isinstance(method, Weights):
+        what: dict[str, object] = {"weights": method.sha256}
+    else:
+        what = {"weights": None, "method": "region-growing", "region_growing": method.model_dump()}
     return {
         **settings.model_dump(mode="json"),
         "frame": options.frame,
         "format": options.format,
         "precision": segmenter.precision,
         "device": segmenter.device,
-        "weights": weights.sha256,
+        **what,
+        **({"offline": True} if options.offline else {}),
     }
 
 
@@ -317,10 +328,10 @@ def _is_unchanged(source: ScanFile, record: ScanRecord) -> bool:
     status = source.path.stat()
     if status.st_size != record.size or not np.array_equal(source.pose, record.pose):
         return False
-    return status.st_mtime_ns == record.mtime_ns or _fingerprint(source).sha256 == record.sha256
+    return status.st_mtime_ns == record.mtime_ns or fingerprint(source).sha256 == record.sha256
 
 
-def _fingerprint(source: ScanFile) -> ScanRecord:
+def fingerprint(source: ScanFile) -> ScanRecord:
     """Start the record of a scan with its size, time and hash."""
     status = source.path.stat()
     with source.path.open("rb") as file:
@@ -330,8 +341,16 @@ def _fingerprint(source: ScanFile) -> ScanRecord:
     )
 
 
-def _event(number: int, source: ScanFile, num_points: int, segmenter: IncrementalSegmenter, update: ScanUpdate) -> str:
-    """Describe a scan in one line of JSON."""
+def skipped_scan(
+    number: int, source: ScanFile, error: InputError | OSError, num_voxels: int, floor: float | None
+) -> ScanRecord:
+    """Make the record of a scan that cannot be read."""
+    event = json.dumps({"scan": number, "name": source.path.name, "skipped": str(error)})
+    return ScanRecord(source.path.name, 0, 0, "", source.pose, 0, num_voxels, floor, str(error), event, 0)
+
+
+def describe_scan(number: int, source: ScanFile, num_points: int, update: ScanUpdate, num_objects: int) -> str:
+    """Describe a scan in one line of JSON: its event."""
     return json.dumps(
         {
             "scan": number,
@@ -340,8 +359,8 @@ def _event(number: int, source: ScanFile, num_points: int, segmenter: Incrementa
             "points_in_range": int((update.point_ids >= 0).sum()),
             "voxels_new": update.num_new,
             "voxels_seen": update.num_seen,
-            "voxels": len(segmenter.map),
-            "objects": segmenter.clusters.num_objects,
+            "voxels": update.first_new + update.num_new,
+            "objects": num_objects,
             "merges": update.merges.tolist(),
             "label_changes": len(update.changed),
             "floor": update.floor,

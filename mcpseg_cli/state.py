@@ -61,6 +61,10 @@ class MapRows:
     def __len__(self) -> int:
         return len(self.xyz)
 
+    def part(self, which: slice) -> MapRows:
+        """Return some of the rows: views."""
+        return MapRows(*[getattr(self, name)[which] for name in _COLUMNS])
+
 
 _COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
     "xyz": (np.float32, (3,)),
@@ -167,21 +171,39 @@ class State:
             StateError: The database is damaged.
         """
         with self._transaction():
-            number = self._num_scans
-            identity = (number, record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes())
-            outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
-            sizes = (record.output_size, len(merges))
-            self._db.execute(f"INSERT INTO scans VALUES ({_holes(13)})", identity + outcome + sizes)
-            if len(merges):
-                pairs = merges.astype("<i4").tobytes()
-                self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs)))
-            for start in range(0, len(rows), _PART_ROWS):
-                parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
-                first_id = record.num_voxels - len(rows) + start
-                blobs = [np.ascontiguousarray(part).data for part in parts]
-                values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
-                self._db.execute(f"INSERT INTO voxels VALUES ({_holes(9)})", values)
+            self._insert(self._num_scans, record, rows, merges)
         self._num_scans += 1
+
+    def commit_all(self, scans: Sequence[tuple[ScanRecord, MapRows]]) -> None:
+        """Add scans that were labelled together, each with its new voxels: all of them or, if anything fails, none.
+
+        Args:
+            scans: As for ``commit``, in order; labels are final, there are no merges.
+
+        Raises:
+            OutputError: The disk is full or the file cannot grow.
+            StateError: The database is damaged.
+        """
+        with self._transaction():
+            for number, (record, rows) in enumerate(scans, start=self._num_scans):
+                self._insert(number, record, rows, np.empty((0, 2), np.int32))
+        self._num_scans += len(scans)
+
+    def _insert(self, number: int, record: ScanRecord, rows: MapRows, merges: NDArray[np.int32]) -> None:
+        """Add a scan within a transaction."""
+        identity = (number, record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes())
+        outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
+        sizes = (record.output_size, len(merges))
+        self._db.execute(f"INSERT INTO scans VALUES ({_holes(13)})", identity + outcome + sizes)
+        if len(merges):
+            pairs = merges.astype("<i4").tobytes()
+            self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs)))
+        for start in range(0, len(rows), _PART_ROWS):
+            parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
+            first_id = record.num_voxels - len(rows) + start
+            blobs = [np.ascontiguousarray(part).data for part in parts]
+            values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
+            self._db.execute(f"INSERT INTO voxels VALUES ({_holes(9)})", values)
 
     def scans(self) -> list[ScanRecord]:
         """List the consumed scans in order."""

@@ -17,8 +17,7 @@ _BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
 _RESERVED_BLOCKS = RESERVED_ROWS // 8  # surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
 _FIRST_KEYS = 1 << 12
 _CELLS_REACH = 3  # cells from a point to its context points (III-B)
-_NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
-NUM_NEIGHBOURS = 26
+NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
 
 Blocks = tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]
 """The hash table's keys, the block each slot points to, and (B, 64) voxel ids of the blocks, plus one."""
@@ -95,19 +94,20 @@ class VoxelMap:
         ids: NDArray[np.int32] = _find_voxels(voxel, self._blocks)
         return ids
 
-    def neighbours(self, ids: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Find the voxels at most one cell away (III-C).
+    def neighbours(self, ids: NDArray[np.int32], reach: int = NEIGHBOUR_REACH) -> NDArray[np.int32]:
+        """Find the voxels at most one cell away (III-C), or a few.
 
         Args:
             ids: (M,) int32 voxel ids.
+            reach: R, cells.
 
         Returns:
-            (M, 26) int32 ids in a fixed order of directions, -1 where there is no voxel.
+            (M, (2R + 1)³ - 1) int32 ids in a fixed order of directions, -1 where there is no voxel; (M, 26) for one
+            cell.
         """
         voxel = voxel_of(self.xyz[ids], self.voxel_size)
-        low = voxel - np.int32(_NEIGHBOUR_REACH)
-        cubes = _gather_cubes(low, 2 * _NEIGHBOUR_REACH + 1, self._blocks)
-        return np.delete(cubes, NUM_NEIGHBOURS // 2, axis=1)
+        cubes = _gather_cubes(voxel - np.int32(reach), 2 * reach + 1, self._blocks)
+        return np.delete(cubes, cubes.shape[1] // 2, axis=1)
 
     def sample_context(
         self, ids: NDArray[np.int32], window: ContextWindow, uniform: NDArray[np.float32]

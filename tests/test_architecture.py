@@ -10,7 +10,8 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 LAYERS = [
     {"errors", "scan", "grid", "classes", "config", "columns", "building", "natural_order", "lock"},
-    {"formats", "voxel_map", "clustering", "floor", "metrics", "overlaps", "recording", "raytrace", "synthetic"},
+    {"formats", "voxel_map", "clustering", "floor", "metrics", "overlaps", "recording", "raytrace", "synthetic"}
+    | {"region_growing"},
     {"instance_metrics", "average_precision", "object_scores", "class_scores", "label_columns", "label_stability"},
     {"truth", "room_scores", "score_curve", "run_events", "answer", "figures"},
     {"pairing", "score_plots"},
@@ -31,12 +32,22 @@ LAYERS = [
         "fine_tuning",
         "objective",
     },
-    {"labelled_map", "segmenter", "run_folder", "checkpoint", "prefetch", "training", "train_data", "tensorboard_log"},
-    {"segment_run", "model_card", "train_run"},
+    {
+        "labelling",
+        "labelled_map",
+        "segmenter",
+        "run_folder",
+        "checkpoint",
+        "prefetch",
+        "training",
+        "train_data",
+        "tensorboard_log",
+    },
+    {"offline", "methods", "segment_run", "offline_run", "model_card", "train_run"},
     {"cli"},
 ]
-TORCH = {"networks", "losses", "weights", "segmenter", "tensor_bundle", "device", "ranks", "objective", "fine_tuning"}
-TORCH |= {"checkpoint", "training", "train_run", "tensorboard_log"}
+TORCH = {"networks", "losses", "weights", "tensor_bundle", "device", "ranks", "objective", "fine_tuning"}
+TORCH |= {"labelling", "checkpoint", "training", "train_run", "tensorboard_log"}
 MODULES = sorted(
     path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py" and path.parent.name != "__pycache__"
 )

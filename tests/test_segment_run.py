@@ -63,7 +63,7 @@ def test_the_map_is_one_labelled_point_per_voxel_with_its_class_table(recording,
     run = run_all(recording, tmp_path / "out", weights_path)
     cloud = read_cloud(tmp_path / "out/map.ply")
     assert len(cloud) == len(run.segmenter.map)
-    assert cloud.classes == run.segmenter.info.classes
+    assert cloud.classes == run.segmenter.classes
     np.testing.assert_array_equal(cloud.xyz, run.segmenter.map.xyz)
     np.testing.assert_array_equal(cloud.rgb, run.segmenter.map.rgb)
     np.testing.assert_array_equal(cloud.label("instance"), run.segmenter.clusters.instance)

@@ -14,6 +14,18 @@ class FrameChoice(StrEnum):
     SENSOR = "sensor"
 
 
+class MethodChoice(StrEnum):
+    """What tables I and II compare."""
+
+    MCPNET = "mcpnet"
+    MCPNET_NOCONTEXT = "mcpnet-nocontext"
+    POINTNET = "pointnet"
+    POINTNET2 = "pointnet2"
+    SGPN = "sgpn"
+    VOXNET = "voxnet"
+    REGION_GROWING = "region-growing"
+
+
 class PrecisionChoice(StrEnum):
     """Arithmetic of context pooling."""
 
@@ -42,7 +54,10 @@ class OnErrorChoice(StrEnum):
 OutputFolder = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")]
 OutputFile = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
 WeightsName = Annotated[
-    str, typer.Option("-w", "--weights", help="A .safetensors file, or the name of bundled weights.")
+    str | None,
+    typer.Option(
+        "-w", "--weights", help="A .safetensors file, or the name of bundled weights.  [default: the method's]"
+    ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random choice.")]
 Device = Annotated[str, typer.Option("--device", help="Where the network runs: cpu, cuda, …")]

@@ -17,6 +17,7 @@ from mcpseg_cli.cli.options import (
     FormatChoice,
     FrameChoice,
     Json,
+    MethodChoice,
     OnErrorChoice,
     OutputFolder,
     Overwrite,
@@ -39,7 +40,21 @@ def segment(
     ],
     poses: Annotated[Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")],
     output: OutputFolder,
-    weights: WeightsName = "smoke-test",
+    weights: WeightsName = None,
+    method: Annotated[
+        MethodChoice | None,
+        typer.Option(
+            help="What labels: a network, or region-growing by normals and colour, which needs no weights and gives "
+            "objects without classes (255).  [default: the network of --weights, else mcpnet]"
+        ),
+    ] = None,
+    offline: Annotated[
+        bool,
+        typer.Option(
+            "--offline",
+            help="Read all scans first, then label the complete cloud in columns of 1 m; in one transaction.",
+        ),
+    ] = False,
     frame: Annotated[FrameChoice, typer.Option(help="Frame of the scans' coordinates.")] = FrameChoice.MAP,
     voxel_size: Annotated[float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")] = 0.1,
     local_range: Annotated[
@@ -86,6 +101,7 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
+      mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w pointnet-holdout6.safetensors
     """
     from mcpseg_cli.cli.display import notice
     from mcpseg_cli.recording import open_recording
@@ -93,20 +109,23 @@ def segment(
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
     recording = open_recording(scans, poses, frame.value)
 
+    from mcpseg_cli.methods import open_method
+    from mcpseg_cli.offline_run import OfflineRun
     from mcpseg_cli.run_folder import check_folders, clear_run
     from mcpseg_cli.segment_run import RunOptions, SegmentRun
     from mcpseg_cli.segmenter import IncrementalSegmenter
-    from mcpseg_cli.weights import find_weights, load_weights
+    from mcpseg_cli.weights import Weights
 
     check_folders(recording, output)
-    loaded = load_weights(find_weights(weights))
-    segmenter = IncrementalSegmenter(loaded, settings, precision=precision.value, device=device)
-    options = RunOptions(frame.value, format.value if format else None, on_error.value, sys.argv)
+    opened = open_method(method.value if method else None, weights)
+    segmenter = IncrementalSegmenter(opened, settings, precision=precision.value, device=device)
+    options = RunOptions(frame.value, format.value if format else None, on_error.value, offline, sys.argv)
     if overwrite:
         clear_run(output, recording)
-    with SegmentRun(recording, output, loaded, segmenter, options) as run, Interrupt() as interrupt:
-        if loaded.info.notice:
-            notice(f"mcpseg: {loaded.name}: {loaded.info.notice}", quiet=quiet)
+    run_type = OfflineRun if offline else SegmentRun
+    with run_type(recording, output, opened, segmenter, options) as run, Interrupt() as interrupt:
+        if isinstance(opened, Weights) and opened.info.notice:
+            notice(f"mcpseg: {opened.name}: {opened.info.notice}", quiet=quiet)
         tally = _label_pending(run, interrupt, quiet=quiet, show_progress=not (quiet or as_json))
         if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
             share = f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g}"

@@ -19,9 +19,10 @@ import torch
 
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.labelling import _one_thread_per_operation
 from mcpseg_cli.recording import open_recording, read_scan
 from mcpseg_cli.segment_run import RunOptions, SegmentRun
-from mcpseg_cli.segmenter import IncrementalSegmenter, _one_thread_per_operation
+from mcpseg_cli.segmenter import IncrementalSegmenter
 from mcpseg_cli.tensor_bundle import import_checkpoint
 from mcpseg_cli.weights import Weights, load_weights, save_weights
 
@@ -70,7 +71,9 @@ def network_stage(weights: Weights, building: Path) -> dict[str, float]:
         )
         with _one_thread_per_operation():
             figures[f"{name} stage"] = median_ms(
-                lambda segmenter=segmenter, ids=ids, pose=source.pose: segmenter._run_batches(ids, pose[:3, 3], rng)
+                lambda run=segmenter.labeller._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: run(
+                    map_, ids, at, 0.0, rng
+                )
             )
     return figures
 
