@@ -27,7 +27,7 @@ LAYERS = [
         "objective",
     },
     {"labelled_map", "segmenter", "run_folder", "checkpoint", "prefetch", "training", "train_data", "tensorboard_log"},
-    {"segment_run", "model_card", "train_run"},
+    {"segment_run", "model_card", "train_run", "export"},
     {"cli"},
 ]
 TORCH = {"networks", "losses", "weights", "segmenter", "tensor_bundle", "device", "ranks", "objective", "fine_tuning"}

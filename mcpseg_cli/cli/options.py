@@ -32,6 +32,16 @@ class FormatChoice(StrEnum):
     PCD = "pcd"
 
 
+class ColourChoice(StrEnum):
+    """What the colours of points say."""
+
+    RGB = "rgb"
+    CLASS = "class"
+    INSTANCE = "instance"
+    EMBEDDING = "embedding"
+    CONFIDENCE = "confidence"
+
+
 class OnErrorChoice(StrEnum):
     """What to do about a scan that cannot be read."""
 
