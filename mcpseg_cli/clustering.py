@@ -119,7 +119,8 @@ def quantise(embedding: NDArray[np.float32]) -> NDArray[np.int16]:
 
 def dequantise(embedding: NDArray[np.int16]) -> NDArray[np.float32]:
     """Return what ``quantise`` stored: (M, E) float32, of unit length but for rounding."""
-    return embedding / np.float32(_SCALE)
+    unit: NDArray[np.float32] = embedding.astype(np.float32) / np.float32(_SCALE)
+    return unit
 
 
 def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
