@@ -32,6 +32,18 @@ class FormatChoice(StrEnum):
     PCD = "pcd"
 
 
+class CloudFormat(StrEnum):
+    """Formats that labelled maps and objects are exported to."""
+
+    PLY = "ply"
+    LAS = "las"
+    LAZ = "laz"
+    PCD = "pcd"
+    NPZ = "npz"
+    H5 = "h5"
+    E57 = "e57"
+
+
 class ColourChoice(StrEnum):
     """What the colours of points say."""
 
@@ -40,6 +52,14 @@ class ColourChoice(StrEnum):
     INSTANCE = "instance"
     EMBEDDING = "embedding"
     CONFIDENCE = "confidence"
+
+
+class ViewChoice(StrEnum):
+    """Where a picture is seen from."""
+
+    TOP = "top"
+    CUT = "cut"
+    PERSPECTIVE = "perspective"
 
 
 class OnErrorChoice(StrEnum):

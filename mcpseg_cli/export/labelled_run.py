@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -85,6 +85,8 @@ class LabelledRun:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.on_part: Callable[[int, int], None] = lambda done, total: None
+        """Called while ``parts`` goes through the map: voxels done, voxels in all."""
         if not (folder / "state.sqlite").is_file():
             found = "no state.sqlite" if folder.is_dir() else "a file" if folder.exists() else "no such folder"
             raise InputError(folder, found, "the folder of a run of 'mcpseg segment'", "check the path")
@@ -136,6 +138,7 @@ class LabelledRun:
             instance = _current(rows.instance, survivor)
             yield MapPart(ids, rows.xyz, rows.rgb, rows.semantic, instance, rows.confidence, rows.embedding, scan)
             start += len(rows)
+            self.on_part(start, len(self))
 
     def whole(self) -> MapPart:
         """Return all voxels at once: about 150 bytes each."""
