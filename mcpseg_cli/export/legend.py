@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from mcpseg_cli.export.colours import ColourBy, class_palette, confidence_colours
 
 _CONFIDENCES = (0.0, 0.25, 0.5, 0.75, 1.0)
-_TEXT_SHARE = 1 / 55  # height of letters by the picture's width
+_TEXT_SHARE = 1 / 66  # height of letters by the picture's width
 _LEAST_TEXT = 13  # pixels
 
 

@@ -124,7 +124,8 @@ def _as_geojson(items: list[MapObject], least: float) -> str:
         }
         for item in items
     ]
-    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n"
+    lines = ",\n".join(json.dumps(feature) for feature in features)
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
 def _footprint(item: MapObject, least: float) -> list[list[float]]:

@@ -38,7 +38,7 @@ def write_onnx(weights: Weights, path: Path) -> float:
 
     Inputs are ``centre`` (N, 6) and, for a network with context, ``context`` (N, K, 6), as ``context.network_input``
     and ``context.context_input`` make them; outputs are ``embedding`` (N, E), for a network that has one, and
-    ``logits`` (N, C). Metadata of the model hold the class table, architecture, batch size, context and the scope of pooling.
+    ``logits`` (N, C). The model's metadata tell class table, architecture, batch size, context and scope of pooling.
 
     Args:
         weights: Network and class table.

@@ -98,7 +98,7 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     points = np.concatenate(xyz)
     if len(points) == 0:
         raise selection.nothing_chosen(run)
-    entries = legend_entries(settings.colour_by, run.classes, present)
+    entries = [*legend_entries(settings.colour_by, run.classes, present), ("robot", _PATH_COLOUR)]
     return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], float(str(run.settings["voxel_size"])), entries)
 
 
@@ -137,9 +137,15 @@ def _draw(scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning
     radius = np.maximum(_RADIUS * scene.voxel_size * scale * size, 0.5)
     bulge = _RADIUS * scene.voxel_size
     image, nearest = draw_points(place(plane), depth, radius, scene.rgb, (rows, columns), bulge)
-    picture = Image.fromarray(shade(image, nearest, (_OVERSIZE, _OVERSIZE + int(2 * np.nanmedian(radius)))))
+    picture = Image.fromarray(shade(image, nearest, _reaches(radius)))
     _draw_path(picture, place(camera.project(scene.path)[0]))
     return picture.resize((columns // _OVERSIZE, rows // _OVERSIZE), Image.Resampling.BOX)
+
+
+def _reaches(radius: NDArray[np.float64]) -> tuple[int, ...]:
+    """Choose how far shading looks, pixels: from next to a disc's rim to twice its size, in even steps."""
+    farthest = max(float(np.nanmedian(radius)) * 2, 4 * _OVERSIZE)
+    return tuple(max(1, round(farthest * share)) for share in (0.25, 0.5, 0.75, 1.0))
 
 
 def _draw_path(picture: Image.Image, places: NDArray[np.float64]) -> None:
@@ -148,7 +154,7 @@ def _draw_path(picture: Image.Image, places: NDArray[np.float64]) -> None:
     if not points:
         return
     canvas = ImageDraw.Draw(picture)
-    width = max(3, max(picture.size) // 450)
+    width = max(3, max(picture.size) // 640)
     for colour, wide in ((_PATH_EDGE, 2 * width), (_PATH_COLOUR, width)):
         canvas.line(points, fill=colour, width=wide, joint="curve")
     x, y = points[-1]
