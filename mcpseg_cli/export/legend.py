@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
@@ -13,9 +15,16 @@ _TEXT_SHARE = 1 / 66  # height of letters by the picture's width
 _LEAST_TEXT = 13  # pixels
 
 
-def legend_entries(
-    colour_by: ColourBy, classes: tuple[str, ...], present: NDArray[np.bool_]
-) -> list[tuple[str, tuple[int, int, int]]]:
+@dataclass(frozen=True)
+class LegendEntry:
+    """A name with its colour, which is shown as a square, or as a line."""
+
+    name: str
+    colour: tuple[int, int, int]
+    is_line: bool = False
+
+
+def legend_entries(colour_by: ColourBy, classes: tuple[str, ...], present: NDArray[np.bool_]) -> list[LegendEntry]:
     """List what colours mean.
 
     Args:
@@ -24,24 +33,22 @@ def legend_entries(
         present: (256,) bool: which classes are in the picture.
 
     Returns:
-        Names with their colours; none where colours have no names.
+        An entry for each colour; none where colours have no names.
     """
     if colour_by == "class":
         palette = class_palette(classes).tolist()
-        return [(name, tuple(palette[index])) for index, name in enumerate(classes) if present[index]]
+        return [LegendEntry(name, tuple(palette[index])) for index, name in enumerate(classes) if present[index]]
     if colour_by == "confidence":
         ramp = confidence_colours(np.array(_CONFIDENCES)).tolist()
-        return [(f"{value:g}", tuple(colour)) for value, colour in zip(_CONFIDENCES, ramp, strict=True)]
+        return [LegendEntry(f"{value:g}", tuple(colour)) for value, colour in zip(_CONFIDENCES, ramp, strict=True)]
     return []
 
 
-def with_legend(picture: Image.Image, entries: list[tuple[str, tuple[int, int, int]]]) -> Image.Image:
-    """Return the picture with a legend under it, in as many lines as it takes; the picture itself without entries."""
-    if not entries:
-        return picture
+def with_legend(picture: Image.Image, entries: list[LegendEntry]) -> Image.Image:
+    """Return the picture with a legend under it, in as many lines as it takes."""
     text = max(_LEAST_TEXT, int(picture.width * _TEXT_SHARE))
     font = ImageFont.load_default(text)
-    widths = [int(2.2 * text + font.getlength(name)) for name, _ in entries]
+    widths = [int(2.2 * text + font.getlength(entry.name)) for entry in entries]
     lines: list[list[int]] = [[]]
     for number, width in enumerate(widths):
         if lines[-1] and sum(widths[other] for other in lines[-1]) + width > picture.width - text:
@@ -53,10 +60,17 @@ def with_legend(picture: Image.Image, entries: list[tuple[str, tuple[int, int, i
     canvas = ImageDraw.Draw(whole)
     for row, line in enumerate(lines):
         x = (picture.width - sum(widths[number] for number in line)) // 2
-        y = picture.height + row * line_height
+        y = picture.height + row * line_height + text // 5
         for number in line:
-            name, colour = entries[number]
-            canvas.rectangle((x, y + text // 5, x + text, y + text // 5 + text), fill=colour, outline=(90, 90, 90))
-            canvas.text((x + 1.35 * text, y + text // 5 + text // 2), name, (30, 30, 30), font, anchor="lm")
+            _draw_symbol(canvas, entries[number], (x, y), text)
+            canvas.text((x + 1.35 * text, y + text // 2), entries[number].name, (30, 30, 30), font, anchor="lm")
             x += widths[number]
     return whole
+
+
+def _draw_symbol(canvas: ImageDraw.ImageDraw, entry: LegendEntry, corner: tuple[int, int], side: int) -> None:
+    x, y = corner
+    if entry.is_line:
+        canvas.line((x, y + side // 2, x + side, y + side // 2), entry.colour, max(2, side // 6))
+    else:
+        canvas.rectangle((x, y, x + side, y + side), entry.colour, (90, 90, 90))

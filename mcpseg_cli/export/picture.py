@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 from mcpseg_cli.errors import naming
 from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
-from mcpseg_cli.export.legend import legend_entries, with_legend
+from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings, View
@@ -22,7 +22,7 @@ _OVERSIZE = 2  # pixels drawn for each that is kept, in both directions
 _RADIUS = 1.0  # of a disc, in voxels: points lie anywhere in their voxel, and surfaces shall close
 _MARGIN = 0.03  # of the picture's longer side, around the map
 _FRAMES = 48  # of a turntable
-_PATH_COLOUR, _PATH_EDGE = (214, 39, 40), (255, 255, 255)
+_PATH_COLOUR, _PATH_EDGE = (190, 0, 60), (255, 255, 255)
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class _Scene:
     rgb: NDArray[np.uint8]
     path: NDArray[np.float64]
     voxel_size: float
-    entries: list[tuple[str, tuple[int, int, int]]]
+    entries: list[LegendEntry]
 
 
 def write_picture(run: LabelledRun, path: Path, selection: Selection, settings: PictureSettings) -> int:
@@ -98,7 +98,10 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     points = np.concatenate(xyz)
     if len(points) == 0:
         raise selection.nothing_chosen(run)
-    entries = [*legend_entries(settings.colour_by, run.classes, present), ("robot", _PATH_COLOUR)]
+    entries = [
+        *legend_entries(settings.colour_by, run.classes, present),
+        LegendEntry("robot path", _PATH_COLOUR, is_line=True),
+    ]
     return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], float(str(run.settings["voxel_size"])), entries)
 
 

@@ -100,5 +100,5 @@ def _write_points(target: E57, points: libe57.CompressedVectorNode, parts: Cloud
 
 
 def _buffered(dtype: np.dtype[np.generic]) -> np.dtype[np.generic]:
-    """Return the type that values go through the buffer in: pye57 takes no 32-bit integers."""
-    return np.dtype(np.int64) if dtype.kind in "iu" and dtype.itemsize > 2 else dtype
+    """Return the type that values go through the buffer in: pye57 takes numpy's int64 for 32 bits, longlong for 64."""
+    return np.dtype(np.longlong) if dtype.kind in "iu" and dtype.itemsize > 2 else dtype
