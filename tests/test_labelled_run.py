@@ -6,7 +6,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-from mcpseg_cli.errors import InputError, StateError
+from mcpseg_cli.errors import InputError, OutputError, StateError
 from mcpseg_cli.export import labelled_run as module
 from mcpseg_cli.export.labelled_run import LabelledRun
 from mcpseg_cli.formats import read_cloud
@@ -111,6 +111,15 @@ def test_a_log_that_never_rests_is_one_line(labelled_run, monkeypatch):
         LabelledRun(labelled_run.out)
 
 
+def test_no_room_for_the_copy_is_one_line_about_the_folder_of_temporary_files(labelled_run, monkeypatch):
+    def fail(source, target):
+        raise OSError(28, "No space left on device", str(source))
+
+    monkeypatch.setattr(module.shutil, "copyfile", fail)
+    with pytest.raises(OutputError, match=r"No space left on device.*set TMPDIR"):
+        LabelledRun(labelled_run.out)
+
+
 @pytest.mark.parametrize(
     ("make", "found"),
     [
@@ -130,6 +139,7 @@ def test_what_is_no_run_is_one_line(labelled_run, tmp_path, make, found):
     with pytest.raises((InputError, StateError), match=found) as error, LabelledRun(out) as run:
         run.whole()
     assert "\n" not in str(error.value)
+    assert str(out) in str(error.value)
 
 
 def test_a_run_without_a_voxel_is_one_line(tmp_path):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.clustering import dequantise, resolve
-from mcpseg_cli.errors import InputError, StateError
+from mcpseg_cli.errors import InputError, OutputError, StateError
 from mcpseg_cli.export.class_table import read_classes
 from mcpseg_cli.objects import MapObject, list_objects
 from mcpseg_cli.state import MapRows, ScanRecord, State
@@ -80,7 +80,7 @@ class LabelledRun:
     Raises:
         InputError: Not the folder of a run, or of one without any voxel yet.
         StateError: The checkpoint is damaged or of another version.
-        OSError: The copy cannot be written.
+        OutputError: There is no room for the copy.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -94,7 +94,7 @@ class LabelledRun:
         self._open_files = ExitStack()
         try:
             scratch = Path(self._open_files.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-")))
-            self._state = self._open_files.enter_context(State(_copy_checkpoint(folder, scratch)))
+            self._state = self._open_files.enter_context(_open_copy(folder, scratch))
             self.scans: list[ScanRecord] = self._state.scans()
             if not self.scans or self.scans[-1].num_voxels == 0:
                 raise InputError(folder, "a run without any labelled voxel yet", "a labelled map", "wait for a scan")
@@ -196,6 +196,17 @@ def _joined_rows(parts: list[MapRows]) -> MapRows:
     return MapRows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(MapRows)))
 
 
+def _open_copy(folder: Path, scratch: Path) -> State:
+    """Open a copy of a run's checkpoint; errors name the original."""
+    copy, original = _copy_checkpoint(folder, scratch), folder / "state.sqlite"
+    try:
+        state = State(copy)
+    except StateError as error:
+        raise StateError(str(error).replace(str(copy), str(original))) from error
+    state.path = original
+    return state
+
+
 def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
     """Copy a checkpoint that may be written at this moment, as it is after one of its transactions.
 
@@ -206,10 +217,18 @@ def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
     source_log, log = folder / "state.sqlite-wal", scratch / "state.sqlite-wal"
     for _ in range(_ATTEMPTS):
         before = _identity(source_log)
-        shutil.copyfile(source, copy)
-        log.unlink(missing_ok=True)
-        if source_log.exists():
-            shutil.copyfile(source_log, log)
+        try:
+            shutil.copyfile(source, copy)
+            log.unlink(missing_ok=True)
+            if before:
+                shutil.copyfile(source_log, log)
+        except FileNotFoundError:  # the log: its run has just ended
+            continue
+        except OSError as error:
+            raise OutputError(
+                f"{scratch.parent}: no copy of {source} ({error.strerror}); expected permission to read, and room for "
+                f"{source.stat().st_size / 1e6:,.0f} MB; make space or set TMPDIR to another folder"
+            ) from error
         if _identity(source_log) == before == _identity(log):
             return copy
     raise StateError(f"{source}: changes too fast to be copied; expected a pause between scans; try again later")

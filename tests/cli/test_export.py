@@ -134,7 +134,7 @@ def test_wrong_usage_exits_2(labelled_run, tmp_path, options):
 
 
 def test_a_run_in_progress_is_exported_again_and_again(make_recording, tmp_path, weights_path):
-    scans, poses = make_recording(tmp_path / "input", num_scans=200)
+    scans, poses = make_recording(tmp_path / "input", num_scans=80)
     arguments = ["segment", str(scans), str(poses), "-o", str(tmp_path / "out"), "-w", str(weights_path), "-q"]
     process = subprocess.Popen([sys.executable, "-m", "mcpseg_cli", *arguments], stdout=subprocess.DEVNULL)
     events, sizes = tmp_path / "out/events.jsonl", []
