@@ -87,7 +87,7 @@ def draw_slowly(place, depth, radius, rgb, shape, bulge):
         if np.isnan(x):
             continue
         share = ((middle_x - x) ** 2 + (middle_y - y) ** 2) / (r * r)
-        own = (middle_x == int(x) + 0.5) & (middle_y == int(y) + 0.5) & (x >= 0) & (y >= 0)
+        own = (np.abs(middle_x - x) <= 0.5) & (np.abs(middle_y - y) <= 0.5)
         here = (z + bulge * share).astype(np.float32)
         wins = ((share <= 1) | own) & (here < nearest)
         nearest[wins], image[wins] = here[wins], colour

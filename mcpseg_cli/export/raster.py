@@ -112,13 +112,14 @@ def _draw_discs(
     """Go through all pixels of all discs; a disc covers a pixel if it covers its middle, and at least one pixel."""
     for i in range(place.shape[0]):
         x, y, r = place[i, 0], place[i, 1], radius[i]
+        own_row, own_column = int(np.floor(y)), int(np.floor(x))
         if not (-r <= x < image.shape[1] + r and -r <= y < image.shape[0] + r):
             continue
         for row in range(max(0, int(y - r)), min(image.shape[0], int(y + r) + 1)):
             for column in range(max(0, int(x - r)), min(image.shape[1], int(x + r) + 1)):
                 across, down = column + 0.5 - x, row + 0.5 - y
                 share = (across * across + down * down) / (r * r)
-                is_covered = share <= 1.0 or (row == int(y) and column == int(x))
+                is_covered = share <= 1.0 or (row == own_row and column == own_column)
                 here = np.float32(depth[i] + bulge * share)
                 if is_covered and here < nearest[row, column]:
                     nearest[row, column] = here

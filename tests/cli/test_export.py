@@ -85,7 +85,7 @@ def test_files_are_replaced_only_when_asked_to(labelled_run, tmp_path):
         (["-o", "TMP/map.obj"], "ends in '.obj'; expected .ply, .las"),
         (["-o", "TMP/map"], "expected an ending, or --scans or --split"),
         (["-o", "TMP/nowhere/map.ply"], "nowhere is no folder"),
-        (["-o", "TMP/map.ply", "-o", "TMP/../TMP/map.ply"], "named twice"),
+        (["-o", "TMP/map.ply", "-o", "TMP/folder.ply/../map.ply"], "named twice"),
         (["-o", "TMP/map.ply", "-o", "TMP/model.onnx"], "expected .onnx by itself"),
         (["-o", "TMP/map.ply", "--split", "ply"], "no folder: named by -o; expected one folder -o to fill"),
         (["-o", "TMP", "--split", "ply"], "not empty; expected an empty folder"),
