@@ -5,6 +5,7 @@ import pytest
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.export import picture
 from mcpseg_cli.export.colours import (
     COLOUR_BY,
     UNKNOWN_COLOUR,
@@ -24,7 +25,9 @@ WHITE = (255, 255, 255)
 
 
 @pytest.fixture
-def run(labelled_run):
+def run(labelled_run, monkeypatch):
+    monkeypatch.setattr(picture, "_SIZE", 400)  # smaller is quicker
+    monkeypatch.setattr(picture, "_TURNTABLE_SIZE", 120)
     with LabelledRun(labelled_run.out) as run:
         yield run
 
@@ -122,6 +125,29 @@ def test_in_perspective_the_nearer_is_larger_and_what_is_behind_the_eye_is_not_s
     assert np.isnan(plane[3]).all()
 
 
+def shade_slowly(image, depth, reaches):
+    """Sum up how far every pixel lies behind shifted copies of the depth."""
+    reach = max(reaches)
+    padded, behind = np.pad(depth, reach, mode="edge"), np.zeros(depth.shape)
+    for step in reaches:
+        for down, across in ((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1)):
+            top, left = reach + step * down, reach + step * across
+            near = padded[top : top + len(depth), left : left + depth.shape[1]]
+            with np.errstate(invalid="ignore"):
+                behind += np.nan_to_num(np.clip(depth - near, 0.0, 0.6), nan=0.0)
+    behind[~np.isfinite(depth)] = 0.0
+    return (image * np.exp(-2.5 * behind / (8 * len(reaches)))[:, :, None]).astype(np.uint8)
+
+
+def test_shading_is_that_of_the_slow_way():
+    rng = np.random.default_rng(4)
+    depth = rng.uniform(1, 3, (30, 40)).astype(np.float32)
+    depth[rng.random((30, 40)) < 0.3] = np.inf
+    image = rng.integers(0, 255, (30, 40, 3)).astype(np.uint8)
+    found, expected = shade(image, depth, (1, 3, 7)).astype(int), shade_slowly(image, depth, (1, 3, 7)).astype(int)
+    assert np.abs(found - expected).max() <= 1
+
+
 def test_shading_darkens_behind_a_step_and_nothing_else():
     depth = np.full((20, 30), 5.0, np.float32)
     depth[:, 15:] = 4.0
@@ -137,18 +163,18 @@ def picture_of(run, path, selection=Selection(), **settings):  # noqa: B008
     from PIL import Image
 
     write_picture(run, path, selection, PictureSettings(**settings))
-    with Image.open(path) as picture:
-        return np.asarray(picture.convert("RGB"))
+    with Image.open(path) as file:
+        return np.asarray(file.convert("RGB"))
 
 
 @pytest.mark.parametrize("view", ["top", "cut", "perspective"])
 def test_a_picture_shows_the_classes_that_its_legend_names(run, tmp_path, view):
-    picture = picture_of(run, tmp_path / "map.png", view=view)
-    colours = np.unique(picture.reshape(-1, 3), axis=0)
+    drawn = picture_of(run, tmp_path / "map.png", view=view)
+    colours = np.unique(drawn.reshape(-1, 3), axis=0)
     present = np.unique(run.whole().semantic)
     for colour in class_palette(run.classes)[present]:
         assert (colours == colour).all(axis=1).any()
-    assert (picture == WHITE).all(axis=2).mean() < 0.9
+    assert (drawn == WHITE).all(axis=2).mean() < 0.9
 
 
 def test_the_same_run_gives_the_same_picture(run, tmp_path):
@@ -175,12 +201,12 @@ def test_a_turntable_turns(run, tmp_path):
     from PIL import Image
 
     write_turntable(run, tmp_path / "map.gif", Selection(box=(-0.5, -2, 0, 0.5, 2, 1)), PictureSettings())
-    with Image.open(tmp_path / "map.gif") as picture:
-        assert picture.n_frames == 48
+    with Image.open(tmp_path / "map.gif") as file:
+        assert file.n_frames == 48
         frames = []
         for number in (0, 12):
-            picture.seek(number)
-            frames.append(np.asarray(picture.convert("RGB")).astype(int))
+            file.seek(number)
+            frames.append(np.asarray(file.convert("RGB")).astype(int))
     assert (np.abs(frames[0] - frames[1]).sum(axis=2) > 60).mean() > 0.02
 
 

@@ -137,16 +137,23 @@ def shade(image: NDArray[np.uint8], depth: NDArray[np.float32], reaches: Sequenc
     Returns:
         (rows, columns, 3) uint8, a new array.
     """
-    reach = max(reaches)
-    padded = np.pad(depth, reach, mode="edge")
-    behind = np.zeros(depth.shape, np.float32)
-    for down, across in product((-1, 0, 1), repeat=2):
-        for step in reaches:
-            rows = slice(reach + step * down, reach + step * down + depth.shape[0])
-            columns = slice(reach + step * across, reach + step * across + depth.shape[1])
-            with np.errstate(invalid="ignore"):
-                behind += np.nan_to_num(np.clip(depth - padded[rows, columns], 0.0, _STEP_LIMIT), nan=0.0)
-    behind[~np.isfinite(depth)] = 0.0
-    light: NDArray[np.float32] = np.exp(-_DARKNESS * behind / (8 * len(reaches)))
+    light = np.ones(depth.shape, np.float32)
+    offsets = np.array([(s * y, s * x) for s in reaches for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)])
+    _shade(depth, offsets, light)
     shaded: NDArray[np.float32] = image * light[:, :, None]
     return shaded.astype(np.uint8)
+
+
+@njit(cache=True)
+def _shade(depth: NDArray[np.float32], offsets: NDArray[np.int64], light: NDArray[np.float32]) -> None:
+    """Give the share of light of every pixel, from how far it lies behind the neighbours at these offsets."""
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            if not np.isfinite(depth[row, column]):
+                continue
+            behind = 0.0
+            for k in range(offsets.shape[0]):
+                y = min(max(row + offsets[k, 0], 0), depth.shape[0] - 1)
+                x = min(max(column + offsets[k, 1], 0), depth.shape[1] - 1)
+                behind += min(max(depth[row, column] - depth[y, x], 0.0), _STEP_LIMIT)
+            light[row, column] = np.exp(-_DARKNESS * behind / offsets.shape[0])
