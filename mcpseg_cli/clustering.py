@@ -119,6 +119,12 @@ def quantise(embedding: NDArray[np.float32]) -> NDArray[np.int16]:
     return steps.astype(np.int16)
 
 
+def dequantise(embedding: NDArray[np.int16]) -> NDArray[np.float32]:
+    """Return what ``quantise`` stored: (M, E) float32, of unit length but for rounding."""
+    unit: NDArray[np.float32] = embedding.astype(np.float32) / np.float32(_SCALE)
+    return unit
+
+
 def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Stand in for the embedding of networks that have none, so that neighbours of one class connect (IV-B).
 

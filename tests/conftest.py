@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,7 +11,18 @@ import torch
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.weights import WeightsInfo, build_network, save_weights
+from mcpseg_cli.recording import open_recording
+from mcpseg_cli.segment_run import RunOptions, SegmentRun
+from mcpseg_cli.segmenter import IncrementalSegmenter
+from mcpseg_cli.weights import WeightsInfo, build_network, load_weights, save_weights
+
+
+class LabelledFolders(NamedTuple):
+    """Folders of a run and of the scans it was made from."""
+
+    out: Path
+    scans: Path
+
 
 MakeRecording = Callable[..., tuple[Path, Path]]
 
@@ -26,6 +38,19 @@ def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
         torch.manual_seed(7)
         save_weights(path, build_network(info), info)
     return path
+
+
+@pytest.fixture(scope="session")
+def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -> LabelledFolders:
+    """A small recording and the finished run made from it; not to be changed."""
+    folder = tmp_path_factory.mktemp("labelled")
+    scans, poses = write_recording(folder / "input")
+    weights = load_weights(weights_path)
+    run = SegmentRun(open_recording(scans, poses), folder / "out", weights, IncrementalSegmenter(weights), RunOptions())
+    with run:
+        list(run.run())
+        run.write_objects()
+    return LabelledFolders(folder / "out", scans)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import typer
 
 from mcpseg_cli.cli.boundary import OneLineErrors
 from mcpseg_cli.cli.evaluate import evaluate
+from mcpseg_cli.cli.export import export
 from mcpseg_cli.cli.import_weights import import_weights
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
@@ -47,6 +48,7 @@ app.command("raytrace")(raytrace)
 app.command("train")(train)
 app.command("segment")(segment)
 app.command("eval")(evaluate)
+app.command("export")(export)
 app.command("import-weights")(import_weights)
 
 

@@ -44,6 +44,36 @@ class FormatChoice(StrEnum):
     PCD = "pcd"
 
 
+class CloudFormat(StrEnum):
+    """Formats that labelled maps and objects are exported to."""
+
+    PLY = "ply"
+    LAS = "las"
+    LAZ = "laz"
+    PCD = "pcd"
+    NPZ = "npz"
+    H5 = "h5"
+    E57 = "e57"
+
+
+class ColourChoice(StrEnum):
+    """What the colours of points say."""
+
+    RGB = "rgb"
+    CLASS = "class"
+    INSTANCE = "instance"
+    EMBEDDING = "embedding"
+    CONFIDENCE = "confidence"
+
+
+class ViewChoice(StrEnum):
+    """Where a picture is seen from."""
+
+    TOP = "top"
+    CUT = "cut"
+    PERSPECTIVE = "perspective"
+
+
 class OnErrorChoice(StrEnum):
     """What to do about a scan that cannot be read."""
 

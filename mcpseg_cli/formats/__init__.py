@@ -8,6 +8,8 @@ from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError, naming
 from mcpseg_cli.formats.cloud import Cloud, Labels, checked
+from mcpseg_cli.formats.parts import CloudParts, OnePart
+from mcpseg_cli.formats.steady import whole_file
 
 CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
 PARTIAL = ".part"
@@ -55,6 +57,26 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
     write_partial(path, cloud).replace(path)
 
 
+def write_parts(path: Path, parts: CloudParts) -> None:
+    """Write a point cloud file part by part, so that memory does not grow with the cloud.
+
+    Args:
+        path: As for ``write_cloud``, or a .h5 or .e57 file.
+        parts: The points with every attribute to write.
+
+    Raises:
+        OutputError: As for ``write_cloud``; pye57 is not installed, or cannot write.
+        OSError: As for ``write_cloud``.
+    """
+    if path.suffix.lower() == ".h5":
+        from mcpseg_cli.formats.cloud_h5 import write_cloud_h5
+
+        with whole_file(path) as file:
+            write_cloud_h5(file, parts)
+    else:
+        _write_partial(path, parts).replace(path)
+
+
 def write_partial(path: Path, cloud: Cloud) -> Path:
     """Write a point cloud file under a temporary name beside ``path``, to be renamed when its time has come.
 
@@ -74,10 +96,16 @@ def write_partial(path: Path, cloud: Cloud) -> Path:
         raise OutputError(
             f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
         )
+    return _write_partial(path, OnePart(cloud))
+
+
+def _write_partial(path: Path, parts: CloudParts) -> Path:
+    """Write parts under a temporary name."""
+    suffix = path.suffix.lower()
     partial = path.with_name(f".{os.getpid()}-{threading.get_ident()}{PARTIAL}{suffix}")
     try:
         with naming(path):
-            _write_stream(partial, cloud)
+            (_write_e57 if suffix == ".e57" else _write_stream)(partial, parts)
     except OutputError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: {error}") from error
@@ -87,26 +115,44 @@ def write_partial(path: Path, cloud: Cloud) -> Path:
     return partial
 
 
-def _write_stream(path: Path, cloud: Cloud) -> None:
+def _write_e57(path: Path, parts: CloudParts) -> None:
+    try:
+        from mcpseg_cli.formats.e57 import write_e57
+    except ModuleNotFoundError as error:
+        raise OutputError("needs pye57; expected it installed; pip install 'mcpseg[e57]'") from error
+    write_e57(path, parts)
+
+
+def _write_stream(path: Path, parts: CloudParts) -> None:
     """Write one of the formats; all go through a Python file, so that a full disk is an OSError."""
     suffix = path.suffix.lower()
     with path.open("wb") as file:
         if suffix == ".ply":
             from mcpseg_cli.formats.ply import write_ply
 
-            write_ply(file, cloud)
+            write_ply(file, parts)
         elif suffix == ".npz":
             from mcpseg_cli.formats.npz import write_npz
 
-            write_npz(file, cloud)
+            write_npz(file, parts)
         elif suffix == ".pcd":
             from mcpseg_cli.formats.pcd import write_pcd
 
-            write_pcd(file, cloud)
+            write_pcd(file, parts)
         else:
             from mcpseg_cli.formats.las import write_las
 
-            write_las(file, cloud, compress=suffix == ".laz")
+            write_las(file, parts, compress=suffix == ".laz")
 
 
-__all__ = ["CLOUD_SUFFIXES", "PARTIAL", "Cloud", "Labels", "read_cloud", "write_cloud", "write_partial"]
+__all__ = [
+    "CLOUD_SUFFIXES",
+    "PARTIAL",
+    "Cloud",
+    "CloudParts",
+    "Labels",
+    "read_cloud",
+    "write_cloud",
+    "write_partial",
+    "write_parts",
+]

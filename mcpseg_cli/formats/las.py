@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
+from mcpseg_cli.formats.parts import CloudParts
 
 _CHUNK = 1_000_000  # points decompressed at a time
 _CLASS_BASE = 64  # classifications 64-255 are the user's (LAS 1.4, table 17)
@@ -108,19 +109,23 @@ def _undecodable(path: Path, cause: str) -> InputError:
     return InputError(path, f"a file that does not decode ({cause})", "an undamaged LAS or LAZ", "copy it again")
 
 
-def write_las(file: BinaryIO, cloud: Cloud, *, compress: bool) -> None:
+def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
     """Write a cloud as LAS 1.4 or LAZ, in chunks; labels go to extra bytes and, from 64 up, to ``classification``.
 
     Args:
         file: Where to write.
-        cloud: The points; attributes LAS has no dimension for become extra bytes.
+        parts: The points; attributes LAS has no dimension for become extra bytes.
         compress: Whether to write LAZ.
     """
-    header = _header_for(cloud)
-    columns = _make_room(header, cloud)
+    first = next(iter(parts))
+    blank = _header_for(first)
+    header = copy.deepcopy(blank)
+    _make_room(header, first)
     with laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False) as writer:
-        for start in range(0, len(cloud), _CHUNK):
-            writer.write_points(_record(header, cloud, columns, slice(start, start + _CHUNK)))
+        for cloud in parts:
+            columns = _make_room(copy.deepcopy(blank), cloud)
+            for start in range(0, len(cloud), _CHUNK):
+                writer.write_points(_record(header, cloud, columns, slice(start, start + _CHUNK)))
         if header.evlrs:
             writer.write_evlrs(header.evlrs)
 

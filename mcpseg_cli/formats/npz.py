@@ -5,6 +5,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -12,8 +13,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import Cloud
+from mcpseg_cli.formats.parts import CloudParts
 
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
 _CLASSES = "class_names"
@@ -62,19 +64,41 @@ def read_npz(path: Path) -> Cloud:
     return Cloud(columns, classes)
 
 
-def write_npz(file: BinaryIO, cloud: Cloud) -> None:
-    """Write a cloud as an uncompressed archive with ``xyz``, ``rgb`` and one array for every other attribute."""
+def write_npz(file: BinaryIO, parts: CloudParts) -> None:
+    """Write a cloud as an uncompressed archive with ``xyz``, ``rgb`` and one array for every other attribute.
+
+    An archive holds one array after another: the parts are gone through once for each.
+    """
+    first = next(iter(parts))
+    with zipfile.ZipFile(file, "w") as archive:  # numpy.savez takes no array named "file"
+        if first.classes:
+            _write_array(archive, _CLASSES, [np.array(first.classes)], len(first.classes))
+        for name in joined_columns(first):
+            _write_array(archive, name, (joined_columns(cloud)[name] for cloud in parts), len(parts))
+
+
+def joined_columns(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
+    """Give a cloud's attributes with the coordinates as one array ``xyz`` (N, 3) and the colours as ``rgb`` (N, 3)."""
     columns = dict(cloud.columns)
     arrays: dict[str, NDArray[np.generic]] = {}
-    for joined, parts in _SPLIT.items():
-        if all(part in columns for part in parts) and (joined == "xyz" or joined not in columns):
-            arrays[joined] = np.stack([columns.pop(part) for part in parts], axis=1)
-    if cloud.classes:
-        arrays[_CLASSES] = np.array(cloud.classes)
-    with zipfile.ZipFile(file, "w") as archive:  # numpy.savez takes no array named "file"
-        for name, array in (arrays | columns | arrays).items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, array, allow_pickle=False)
+    for joined, axes in _SPLIT.items():
+        if all(axis in columns for axis in axes) and (joined == "xyz" or joined not in columns):
+            arrays[joined] = np.stack([columns.pop(axis) for axis in axes], axis=1)
+    columns.pop(_CLASSES if cloud.classes else "", None)
+    return arrays | columns | arrays
+
+
+def _write_array(archive: zipfile.ZipFile, name: str, rows: Iterable[NDArray[np.generic]], num_rows: int) -> None:
+    """Write one array of the archive from its rows, a part of them at a time."""
+    with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+        for number, part in enumerate(rows):
+            if part.dtype.hasobject:
+                raise OutputError(f"attribute {name}: holds {part.dtype}; expected numbers or text; remove it")
+            if number == 0:
+                header = np.lib.format.header_data_from_array_1_0(part)
+                header |= {"shape": (num_rows, *part.shape[1:]), "fortran_order": False}
+                np.lib.format.write_array_header_1_0(entry, header)
+            entry.write(part.tobytes())
 
 
 def _load(path: Path) -> dict[str, NDArray[np.generic]]:

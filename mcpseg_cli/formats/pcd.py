@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud, as_number, without_spaces
+from mcpseg_cli.formats.parts import CloudParts
 
 _MAX_HEADER = 1 << 14
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
@@ -72,37 +73,48 @@ def read_pcd(path: Path) -> Cloud:
     return Cloud(columns, header.classes)
 
 
-def write_pcd(file: BinaryIO, cloud: Cloud) -> None:
+def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
     """Write a cloud as binary PCD; colours are packed into ``rgb``, booleans become bytes.
 
     Args:
         file: Where to write.
-        cloud: The points; colours of more than 8 bits are also written as they are.
+        parts: The points; colours of more than 8 bits are also written as they are.
 
     Raises:
         OutputError: An attribute that is not a number.
     """
+    for number, cloud in enumerate(parts):
+        columns = _fields(cloud)
+        if number == 0:
+            file.write(_header_text(len(parts), columns, cloud.classes))
+        dtype = [(name, column.dtype.newbyteorder("<"), column.shape[1:]) for name, column in columns.items()]
+        table = np.empty(len(cloud), dtype)
+        for name, column in columns.items():
+            table[name] = column
+        file.write(table.data)
+
+
+def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
+    """Give every field as (N, count)."""
     columns = without_spaces({name: as_number(name, column) for name, column in cloud.columns.items()})
     if set(_COLOURS) <= columns.keys() and (rgb := cloud.rgb) is not None:
         red, green, blue = rgb.astype(np.uint32).T
         columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
         if all(columns[name].dtype == np.uint8 for name in _COLOURS):
             columns = {name: column for name, column in columns.items() if name not in _COLOURS}
-    columns = {name: column.reshape(len(cloud), -1) for name, column in columns.items()}
-    dtype = [(name, column.dtype.newbyteorder("<"), column.shape[1:]) for name, column in columns.items()]
-    table = np.empty(len(cloud), dtype)
-    for name, column in columns.items():
-        table[name] = column
+    return {name: column.reshape(len(cloud), -1) for name, column in columns.items()}
+
+
+def _header_text(num_points: int, columns: dict[str, NDArray[np.generic]], classes: tuple[str, ...]) -> bytes:
     kinds = {kind: letter for letter, kind in _KINDS.items()}
     lines = ["# .PCD v0.7 - Point Cloud Data file format"]
-    lines += [_CLASSES_COMMENT + ",".join(cloud.classes)] * bool(cloud.classes)
+    lines += [_CLASSES_COMMENT + ",".join(classes)] * bool(classes)
     lines += ["VERSION 0.7", f"FIELDS {' '.join(columns)}"]
     lines += [f"SIZE {' '.join(str(column.dtype.itemsize) for column in columns.values())}"]
     lines += [f"TYPE {' '.join(kinds[column.dtype.kind] for column in columns.values())}"]
     lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
-    lines += [f"WIDTH {len(cloud)}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {len(cloud)}", "DATA binary"]
-    file.write(("\n".join(lines) + "\n").encode())
-    file.write(table.tobytes())
+    lines += [f"WIDTH {num_points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {num_points}", "DATA binary"]
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _unpack_colours(column: NDArray[np.generic], num_channels: int) -> dict[str, NDArray[np.generic]]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud, scalar_columns, without_spaces
+from mcpseg_cli.formats.parts import CloudParts
 
 _DTYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -81,26 +82,32 @@ def read_ply(path: Path) -> Cloud:
     return Cloud({name: np.ascontiguousarray(table[name]) for name, _ in vertex.properties}, header.classes)
 
 
-def write_ply(file: BinaryIO, cloud: Cloud) -> None:
+def write_ply(file: BinaryIO, parts: CloudParts) -> None:
     """Write a cloud as binary little-endian PLY; 64-bit integers become doubles, booleans bytes.
 
     Raises:
         OutputError: An attribute that is not a number.
     """
-    columns = without_spaces(scalar_columns(cloud.columns))
-    types = [(name, _storable(column.dtype)) for name, column in columns.items()]
-    table = np.empty(len(cloud), np.dtype([(name, "<" + dtype) for name, dtype in types]))
-    for name, column in columns.items():
-        table[name] = column
+    for number, cloud in enumerate(parts):
+        columns = without_spaces(scalar_columns(cloud.columns))
+        types = [(name, _storable(column.dtype)) for name, column in columns.items()]
+        if number == 0:
+            file.write(_header_text(len(parts), types, cloud.classes))
+        table = np.empty(len(cloud), np.dtype([(name, "<" + dtype) for name, dtype in types]))
+        for name, column in columns.items():
+            table[name] = column
+        file.write(table.data)
+
+
+def _header_text(num_points: int, types: list[tuple[str, str]], classes: tuple[str, ...]) -> bytes:
     lines = ["ply", "format binary_little_endian 1.0"]
-    lines += [f"comment {_CLASSES_COMMENT}{','.join(cloud.classes)}"] * bool(cloud.classes)
+    lines += [f"comment {_CLASSES_COMMENT}{','.join(classes)}"] * bool(classes)
     lines += [
-        f"element vertex {len(cloud)}",
+        f"element vertex {num_points}",
         *(f"property {_NAMES[dtype]} {name}" for name, dtype in types),
         "end_header",
     ]
-    file.write(("\n".join(lines) + "\n").encode())
-    file.write(table.tobytes())
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _storable(dtype: np.dtype[np.generic]) -> str:

@@ -220,9 +220,8 @@ def test_laser_scans_in_the_sensor_frame_land_on_top_of_each_other(shared_folder
     assert json.loads(result.stdout)["scans"] == 3
 
 
-@pytest.mark.parametrize("script", [["robot_loop.py", "office_walk"], ["render_map.py", "office_walk/gt/000000.ply"]])
-def test_every_example_runs(script, tmp_path):
-    arguments = [str(REPOSITORY / "examples" / part) for part in script]
+def test_the_robot_loop_of_the_examples_runs(tmp_path):
+    arguments = [str(REPOSITORY / "examples" / part) for part in ("robot_loop.py", "office_walk")]
     result = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
     assert result.returncode == 0, result.stderr
     assert result.stdout

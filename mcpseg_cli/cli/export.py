@@ -1,0 +1,205 @@
+"""``mcpseg export``: a labelled map in the formats and viewers of others, and weights as ONNX."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mcpseg_cli.cli.options import CloudFormat, ColourChoice, Overwrite, Quiet, ViewChoice
+from mcpseg_cli.errors import OutputError
+
+if TYPE_CHECKING:
+    from mcpseg_cli.export.colours import ColourBy
+    from mcpseg_cli.export.labelled_run import LabelledRun
+    from mcpseg_cli.export.selection import Selection
+    from mcpseg_cli.export.views import PictureSettings
+
+
+def export(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT",
+            help="Folder of a run of 'mcpseg segment', which may be in progress; for ONNX, a .safetensors file or the "
+            "name of bundled weights.",
+        ),
+    ],
+    outputs: Annotated[
+        list[Path],
+        typer.Option("-o", "--output", help="What to write, told by its ending; may be given several times."),
+    ],
+    color: Annotated[
+        ColourChoice | None,
+        typer.Option(help="What the colours of points say; default: rgb in clouds, class in pictures."),
+    ] = None,
+    class_names: Annotated[
+        str | None, typer.Option("--class", metavar="NAME,NAME", help="Only points (objects) of these classes.")
+    ] = None,
+    instances: Annotated[str | None, typer.Option("--instance", metavar="ID,ID", help="Only these objects.")] = None,
+    min_confidence: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Only points (objects) of at least this confidence.")
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z,X,Y,Z", help="Only points (centroids) between these two corners, metres."),
+    ] = None,
+    scans: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the input scans: write each with the final map's labels into the folder -o."),
+    ] = None,
+    split: Annotated[
+        CloudFormat | None, typer.Option(help="Write a cloud of this format for each object into the folder -o.")
+    ] = None,
+    view: Annotated[ViewChoice, typer.Option(help="Where a picture is seen from.")] = ViewChoice.CUT,
+    cut: Annotated[
+        float, typer.Option(metavar="METRES", help="Pictures leave out what is higher above the floor; inf: nothing.")
+    ] = 2.0,
+    yaw: Annotated[
+        float | None, typer.Option(metavar="DEGREES", help="Turn of a picture's view; default: 0 for top, else 30.")
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a labelled map for other programs.
+
+    The ending of each -o says what is written. Clouds: .ply .las .laz .pcd .npz .h5 .e57. Objects: .json .csv .geojson.
+    Pictures: .png, and .gif turns once around. Weights: .onnx. Nothing is ever written into OUT, and a run that is in
+    progress is exported as it is at that moment.
+
+    \b
+    Examples:
+      mcpseg export out/ -o map.laz -o objects.csv -o map.png
+      mcpseg export out/ -o doors.ply --class door --color instance
+      mcpseg export out/ -o relabelled/ --scans scans/
+      mcpseg export out/ -o objects/ --split ply --class chair,table
+      mcpseg export weights.safetensors -o model.onnx
+    """
+    from mcpseg_cli.export.targets import check_targets
+    from mcpseg_cli.export.views import PictureSettings
+
+    if scans is not None and split is not None:
+        raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
+    colour_by: ColourBy | None = None if color is None else color.value
+    request = _Request(
+        _selection(class_names, instances, min_confidence, box),
+        colour_by or "rgb",
+        PictureSettings(view.value, colour_by or "class", cut, yaw),
+        scans,
+        split.value if split else None,
+    )
+    run_folder = Path(source)
+    check_targets(run_folder, outputs, fills_folder=bool(scans or split), overwrite=overwrite)
+    if outputs[0].suffix.lower() == ".onnx":
+        typer.echo(f"{outputs[0]}: {_export_weights(source, outputs[0])}")
+        return
+    with _progress(quiet=quiet) as advance:
+        _export_run(run_folder, outputs, request, advance)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What is asked for, whatever it is written to."""
+
+    selection: Selection
+    colour_by: ColourBy
+    pictures: PictureSettings
+    scans: Path | None
+    split: str | None
+
+
+Advance = Callable[[str, int, int], None]
+
+
+def _export_run(folder: Path, outputs: list[Path], request: _Request, advance: Advance) -> None:
+    """Write everything from one moment of the run, and say what."""
+    from mcpseg_cli.export.labelled_run import LabelledRun
+
+    with LabelledRun(folder) as run:
+        for output in outputs:
+            run.on_part = partial(advance, output.name)
+            done = _export_file(run, output, request) if output.suffix else _fill_folder(run, output, request, advance)
+            typer.echo(f"{output}: {done}")
+
+
+def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:
+    """Write one file of the kind its ending says; return what is in it."""
+    from mcpseg_cli.export.targets import CLOUDS, OBJECTS
+
+    suffix = output.suffix.lower()
+    if suffix in CLOUDS:
+        from mcpseg_cli.export.map_cloud import write_map
+
+        return f"{write_map(run, output, request.selection, request.colour_by):,} points"
+    if suffix in OBJECTS:
+        from mcpseg_cli.export.objects import write_objects
+
+        return f"{write_objects(run, output, request.selection):,} objects"
+    return _draw(run, output, request)
+
+
+def _draw(run: LabelledRun, output: Path, request: _Request) -> str:
+    """Write a picture or a turntable."""
+    try:
+        from mcpseg_cli.export.picture import write_picture, write_turntable
+    except ModuleNotFoundError as error:
+        raise OutputError(f"{output}: needs {error.name}; expected it installed; pip install 'mcpseg[plot]'") from error
+    if output.suffix.lower() == ".gif":
+        return f"{write_turntable(run, output, request.selection, request.pictures):,} points"
+    return f"{write_picture(run, output, request.selection, request.pictures):,} points"
+
+
+def _fill_folder(run: LabelledRun, output: Path, request: _Request, advance: Advance) -> str:
+    """Write the relabelled scans, or a cloud for each object."""
+    if request.scans is None:
+        from mcpseg_cli.export.objects import write_object_clouds
+
+        suffix = f".{request.split}"
+        return f"{write_object_clouds(run, output, suffix, request.selection, request.colour_by):,} clouds"
+    from mcpseg_cli.export.relabel import relabel_scans
+
+    count = 0
+    for count, path in enumerate(relabel_scans(run, request.scans, output), start=1):
+        advance(path.name, count, len(run.scans))
+    return f"{count:,} scans"
+
+
+def _export_weights(name: str, output: Path) -> str:
+    """Write weights as ONNX; say how close they are."""
+    from mcpseg_cli.export.onnx import write_onnx
+    from mcpseg_cli.weights import find_weights, load_weights
+
+    weights = load_weights(find_weights(name))
+    return f"{weights.info.architecture}, differs from PyTorch by {write_onnx(weights, output):.1g}"
+
+
+@contextmanager
+def _progress(*, quiet: bool) -> Iterator[Advance]:
+    """Show how far the file at hand has got."""
+    from mcpseg_cli.cli.display import progress_bar
+
+    with progress_bar("export", quiet=quiet) as bar:
+        task = bar.add_task("", total=None, state="")
+        yield lambda name, completed, total: bar.update(task, completed=completed, total=total, state=name)
+
+
+def _selection(classes: str | None, instances: str | None, min_confidence: float | None, box: str | None) -> Selection:
+    """Read what is to be exported from the command line."""
+    from mcpseg_cli.export.selection import Selection
+
+    try:
+        ids = None if instances is None else tuple(int(word) for word in instances.split(","))
+        corners = None if box is None else tuple(float(word) for word in box.split(","))
+    except ValueError as error:
+        raise typer.BadParameter(f"--instance takes whole numbers, --box numbers, parted by commas: {error}") from error
+    if corners is not None and (
+        len(corners) != 6 or not all(low <= high for low, high in zip(corners[:3], corners[3:], strict=True))
+    ):
+        raise typer.BadParameter("--box takes x,y,z of the lowest corner, then x,y,z of the highest")
+    names = None if classes is None else tuple(name.strip() for name in classes.split(","))
+    return Selection(names, ids, min_confidence, corners)

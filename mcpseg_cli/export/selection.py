@@ -1,0 +1,83 @@
+"""Which voxels of a map to export."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
+from mcpseg_cli.objects import MapObject
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A choice of voxels; all of its conditions hold at once, None is no condition.
+
+    Attributes:
+        classes: Class names.
+        instances: Object ids.
+        min_confidence: Least confidence, 0-1.
+        box: Lowest and highest corner (x, y, z, x, y, z), metres, map frame; its faces belong to it.
+    """
+
+    classes: tuple[str, ...] | None = None
+    instances: tuple[int, ...] | None = None
+    min_confidence: float | None = None
+    box: tuple[float, ...] | None = None
+
+    @property
+    def is_everything(self) -> bool:
+        """Whether there is no condition."""
+        return self == Selection()
+
+    def check(self, run: LabelledRun) -> None:
+        """Refuse class names that the run does not have.
+
+        Raises:
+            InputError: Names them.
+        """
+        unknown = [name for name in self.classes or () if name not in run.classes]
+        if unknown:
+            raise InputError(run.folder, f"no class {', '.join(unknown)}", ", ".join(run.classes), "check --class")
+
+    def mask(self, part: MapPart, classes: Sequence[str]) -> NDArray[np.bool_]:
+        """Mark the voxels chosen.
+
+        Args:
+            part: Voxels of the map.
+            classes: Names that their ``semantic`` indexes.
+
+        Returns:
+            (V,) bool.
+        """
+        chosen = np.ones(len(part), bool)
+        if self.classes is not None:
+            chosen &= np.isin(part.semantic, [index for index, name in enumerate(classes) if name in self.classes])
+        if self.instances is not None:
+            chosen &= np.isin(part.instance, self.instances)
+        if self.min_confidence is not None:
+            chosen &= part.confidence >= self.min_confidence
+        if self.box is not None:
+            chosen &= ((part.xyz >= self.box[:3]) & (part.xyz <= self.box[3:])).all(axis=1)
+        return chosen
+
+    def has_object(self, item: MapObject) -> bool:
+        """Tell whether a whole object is chosen: by its class, id, confidence and centroid."""
+        low, high = (self.box[:3], self.box[3:]) if self.box else (item.centroid, item.centroid)
+        return (
+            (self.classes is None or item.class_name in self.classes)
+            and (self.instances is None or item.id in self.instances)
+            and (self.min_confidence is None or item.confidence >= self.min_confidence)
+            and all(a <= x <= b for a, x, b in zip(low, item.centroid, high, strict=True))
+        )
+
+    def nothing_chosen(self, run: LabelledRun) -> InputError:
+        """Say that no part of the map was chosen."""
+        return InputError(
+            run.folder, "nothing in the map that was asked for", "at least one point",
+            "widen --class, --instance, --min-confidence or --box",
+        )  # fmt: skip
