@@ -36,7 +36,7 @@ def export(
     ],
     color: Annotated[
         ColourChoice | None,
-        typer.Option(help="What the colours of points say; default: rgb in clouds, class in pictures."),
+        typer.Option(help="What the colours of points say; default: rgb in clouds, class elsewhere."),
     ] = None,
     class_names: Annotated[
         str | None, typer.Option("--class", metavar="NAME,NAME", help="Only points (objects) of these classes.")
@@ -69,12 +69,14 @@ def export(
     """Write a labelled map for other programs.
 
     The ending of each -o says what is written. Clouds: .ply .las .laz .pcd .npz .h5 .e57. Objects: .json .csv .geojson.
-    Pictures: .png, and .gif turns once around. Weights: .onnx. Nothing is ever written into OUT, and a run that is in
+    Pictures: .png, and .gif turns once around. To walk through: .html, a page that needs no network, and .rrd for the
+    Rerun viewer. Weights: .onnx. Nothing is ever written into OUT, and a run that is in
     progress is exported as it is at that moment.
 
     \b
     Examples:
       mcpseg export out/ -o map.laz -o objects.csv -o map.png
+      mcpseg export out/ -o map.html
       mcpseg export out/ -o doors.ply --class door --color instance
       mcpseg export out/ -o relabelled/ --scans scans/
       mcpseg export out/ -o objects/ --split ply --class chair,table
@@ -140,6 +142,14 @@ def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:
         from mcpseg_cli.export.objects import write_objects
 
         return f"{write_objects(run, output, request.selection):,} objects"
+    if suffix == ".html":
+        from mcpseg_cli.export.html import write_html
+
+        return f"{write_html(run, output, request.selection, request.pictures.colour_by):,} points"
+    if suffix == ".rrd":
+        from mcpseg_cli.export.rerun import write_recording
+
+        return f"{write_recording(run, output, request.selection, request.pictures.colour_by):,} points"
     return _draw(run, output, request)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,6 +31,7 @@ from mcpseg_cli.cli.options import (
 
 if TYPE_CHECKING:
     from mcpseg_cli.config import SegmentSettings
+    from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.segment_run import ScanReport, SegmentRun
 
 
@@ -83,6 +85,13 @@ def segment(
     precision: Annotated[
         PrecisionChoice, typer.Option(help="auto is bf16 where the processor has it.")
     ] = PrecisionChoice.AUTO,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            metavar="spawn|URL|FILE.rrd",
+            help="Show the map growing in the Rerun viewer: start one, connect to one, or write a file for one.",
+        ),
+    ] = None,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -102,6 +111,7 @@ def segment(
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
       mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w pointnet-holdout6.safetensors
+      mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     from mcpseg_cli.cli.display import notice
     from mcpseg_cli.recording import open_recording
@@ -123,10 +133,13 @@ def segment(
     if overwrite:
         clear_run(output, recording)
     run_type = OfflineRun if offline else SegmentRun
-    with run_type(recording, output, opened, segmenter, options) as run, Interrupt() as interrupt:
+    with ExitStack() as entered:
+        run = entered.enter_context(run_type(recording, output, opened, segmenter, options))
+        live = entered.enter_context(_live_map(rerun, run)) if rerun else None
+        interrupt = entered.enter_context(Interrupt())
         if isinstance(opened, Weights) and opened.info.notice:
             notice(f"mcpseg: {opened.name}: {opened.info.notice}", quiet=quiet)
-        tally = _label_pending(run, interrupt, quiet=quiet, show_progress=not (quiet or as_json))
+        tally = _label_pending(run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json))
         if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
             share = f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g}"
             advice = "are the scans in the sensor's frame (--frame sensor)?"
@@ -138,7 +151,20 @@ def segment(
         raise typer.Exit(130)
 
 
-def _label_pending(run: SegmentRun, interrupt: Interrupt, *, quiet: bool, show_progress: bool) -> _Tally:
+def _live_map(target: str, run: SegmentRun) -> LiveMap:
+    """Show what an earlier run has labelled; the rest follows scan by scan."""
+    import numpy as np
+
+    from mcpseg_cli.export.live_map import LiveMap
+
+    live = LiveMap(target, run.segmenter.classes, run.segmenter.settings.voxel_size)
+    live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
+    return live
+
+
+def _label_pending(
+    run: SegmentRun, interrupt: Interrupt, live: LiveMap | None, *, quiet: bool, show_progress: bool
+) -> _Tally:
     """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
     from mcpseg_cli.cli.display import notice, progress_bar
 
@@ -153,6 +179,8 @@ def _label_pending(run: SegmentRun, interrupt: Interrupt, *, quiet: bool, show_p
             task = bar.add_task("", total=total, completed=run.resumed_from, state="")
             for report in run.run(lambda: interrupt.asked):
                 tally.add(report)
+                if live and report.update:
+                    live.follow(run.records, run.segmenter.rows(), report.update.changed)
                 if report.error:
                     notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
                 objects = f"{run.segmenter.clusters.num_objects:,} objects"

@@ -123,6 +123,12 @@ class LabelledRun:
         """The configuration of the run: ``voxel_size``, ``frame`` and all else that decided its labels."""
         return self._state.configuration() or {}
 
+    @property
+    def voxel_size(self) -> float:
+        """Edge of a voxel, metres; 0.1 where the configuration does not say."""
+        size = self.settings.get("voxel_size")
+        return size if isinstance(size, float) else 0.1
+
     def parts(self) -> Iterator[MapPart]:
         """Iterate over all voxels in id order, which is the order they were first seen in, many at a time.
 

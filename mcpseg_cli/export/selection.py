@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +64,22 @@ class Selection:
         if self.box is not None:
             chosen &= ((part.xyz >= self.box[:3]) & (part.xyz <= self.box[3:])).all(axis=1)
         return chosen
+
+    def parts(self, run: LabelledRun) -> Iterator[MapPart]:
+        """Iterate over what is chosen of a map, in id order.
+
+        Raises:
+            InputError: The run has no such class, or nothing is chosen.
+        """
+        self.check(run)
+        is_empty = True
+        for part in run.parts():
+            chosen = part if self.is_everything else part.select(self.mask(part, run.classes))
+            if len(chosen):
+                is_empty = False
+                yield chosen
+        if is_empty:
+            raise self.nothing_chosen(run)
 
     def has_object(self, item: MapObject) -> bool:
         """Tell whether a whole object is chosen: by its class, id, confidence and centroid."""

@@ -8,7 +8,7 @@ from mcpseg_cli.errors import OutputError
 CLOUDS = (".ply", ".las", ".laz", ".pcd", ".npz", ".h5", ".e57")
 OBJECTS = (".json", ".csv", ".geojson")
 PICTURES = (".png", ".gif")
-PAGES: tuple[str, ...] = ()
+PAGES = (".html", ".rrd")
 MODEL = ".onnx"
 SUFFIXES = (*CLOUDS, *OBJECTS, *PICTURES, *PAGES, MODEL)
 

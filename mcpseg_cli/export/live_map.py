@@ -1,0 +1,92 @@
+"""A run of ``mcpseg segment`` shown in the Rerun viewer while it goes on (an extra: ``mcpseg[rerun]``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import OutputError, naming
+from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream
+from mcpseg_cli.state import MapRows, ScanRecord
+
+SPAWN = "spawn"
+_ANSWER_S = 5.0  # a viewer that is there takes what it is told within this time
+
+
+class LiveMap:
+    """Tells Rerun of each scan after it is committed; a context manager.
+
+    Args:
+        target: ``spawn`` starts a viewer, which comes with rerun-sdk; the URL of a viewer (``rerun+http://…/proxy``) is
+            connected to; a .rrd file is written, replaced if there.
+        classes: Names that ``semantic`` indexes.
+        voxel_size: Metres.
+
+    Raises:
+        OutputError: Rerun is not installed, ``target`` is none of these, or no viewer answers.
+        OSError: The file cannot be written.
+    """
+
+    def __init__(self, target: str, classes: tuple[str, ...], voxel_size: float) -> None:
+        self._stream = open_stream()
+        self._target = target
+        try:
+            self._open()
+            self._log = RerunLog(self._stream, classes, voxel_size)
+            self._stream.flush(timeout_sec=_ANSWER_S)
+        except RuntimeError as error:
+            self._stream.disconnect()
+            raise OutputError(
+                f"--rerun {target}: no viewer answers; expected 'spawn', a running viewer's URL or a .rrd file; "
+                "start it with 'rerun' or leave --rerun out"
+            ) from error
+        self._ends: list[int] = []  # voxels after each scan told of
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stream.disconnect()
+
+    def follow(self, records: Sequence[ScanRecord], rows: MapRows, changed: NDArray[np.int32]) -> None:
+        """Tell of all scans since the last call, and of earlier voxels whose labels changed.
+
+        Args:
+            records: All scans so far.
+            rows: The whole map as known now.
+            changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
+        """
+        known = len(self._ends)
+        for number in range(known, len(records)):
+            start = self._ends[-1] if self._ends else 0
+            self._ends.append(records[number].num_voxels)
+            self._log.add_scan(number, records[number].pose, _points(rows, slice(start, self._ends[-1])))
+        ends = np.array(self._ends)
+        owners = np.unique(np.searchsorted(ends, changed, side="right"))
+        for number in owners[owners < known].tolist():
+            start = self._ends[number - 1] if number else 0
+            self._log.relabel(number, _points(rows, slice(start, self._ends[number])))
+
+    def _open(self) -> None:
+        if self._target == SPAWN:
+            self._stream.spawn()
+        elif "://" in self._target:
+            self._stream.connect_grpc(self._target)
+        elif self._target.lower().endswith(".rrd"):
+            path = Path(self._target)
+            with naming(path):
+                path.write_bytes(b"")  # fails as a file should; Rerun's own words say less
+            self._stream.save(path)
+        else:
+            raise OutputError(f"--rerun {self._target}: unknown; expected 'spawn', a viewer's URL or a .rrd file")
+
+
+def _points(rows: MapRows, which: slice) -> LabelledPoints:
+    return LabelledPoints(rows.xyz[which], rows.semantic[which], rows.instance[which], rows.confidence[which])

@@ -1,0 +1,168 @@
+"""A labelled map for the Rerun viewer, an extra (``mcpseg[rerun]``): scans on a timeline, path and pose."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import OutputError
+from mcpseg_cli.export.colours import ColourBy, class_palette, colouring
+from mcpseg_cli.export.labelled_run import LabelledRun
+from mcpseg_cli.export.selection import Selection
+
+if TYPE_CHECKING:
+    from rerun import AnyValues, RecordingStream
+
+TIMELINE = "scan"
+_APPLICATION = "mcpseg"
+_POINT_RADIUS = 0.6  # of a voxel: surfaces look closed
+
+
+@dataclass(frozen=True)
+class LabelledPoints:
+    """Points with labels, in the same order.
+
+    Attributes:
+        xyz: (N, 3) float32, metres, map frame.
+        semantic: (N,) uint8 class index.
+        instance: (N,) int32 object id.
+        confidence: (N,) float32 in 0-1.
+        rgb: (N, 3) uint8; None colours by class, which the viewer's legend switches.
+    """
+
+    xyz: NDArray[np.float32]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    confidence: NDArray[np.float32]
+    rgb: NDArray[np.uint8] | None = None
+
+    def select(self, rows: slice | NDArray[np.intp]) -> LabelledPoints:
+        """Return some of the points."""
+        rgb = None if self.rgb is None else self.rgb[rows]
+        return LabelledPoints(self.xyz[rows], self.semantic[rows], self.instance[rows], self.confidence[rows], rgb)
+
+
+class RerunLog:
+    """A map told to Rerun scan by scan. Each scan's new points are an entity of their own, so that the map grows.
+
+    Args:
+        stream: Where it goes.
+        classes: Names that ``semantic`` indexes.
+        voxel_size: Metres.
+    """
+
+    def __init__(self, stream: RecordingStream, classes: tuple[str, ...], voxel_size: float) -> None:
+        import rerun
+
+        self._rerun = rerun
+        self._stream = stream
+        self._radius = _POINT_RADIUS * voxel_size
+        self._last_place: NDArray[np.float64] | None = None
+        palette = class_palette(classes)
+        names = [(index, name, tuple(palette[index].tolist())) for index, name in enumerate(classes)]
+        stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        stream.log("map", rerun.AnnotationContext(names), static=True)
+        stream.log("scanner", rerun.TransformAxes3D(0.5), static=True)
+
+    def add_scan(self, number: int, pose: NDArray[np.float64], points: LabelledPoints) -> None:
+        """Tell of one scan: where the scanner was, and the points first seen from there.
+
+        Args:
+            number: Of the scan, from 0; the time.
+            pose: (4, 4) sensor to map, metres.
+            points: May be none.
+        """
+        rerun = self._rerun
+        self._stream.set_time(TIMELINE, sequence=number)
+        self._stream.log("scanner", rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+        if self._last_place is not None:
+            step = rerun.LineStrips3D([np.stack([self._last_place, pose[:3, 3]])], colors=[0xFF7A1AFF])
+            self._stream.log(f"path/{number:06d}", step)
+        self._last_place = pose[:3, 3].copy()
+        if len(points.xyz):
+            cloud = rerun.Points3D(points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb)
+            self._stream.log(_entity(number), cloud, self._labels(points))
+
+    def relabel(self, number: int, points: LabelledPoints) -> None:
+        """Tell the labels that the points of an earlier scan have from now on.
+
+        Args:
+            number: Of the scan that first saw them.
+            points: All of that scan, in the order they were added.
+        """
+        classes = self._rerun.Points3D.from_fields(class_ids=points.semantic)
+        self._stream.log(_entity(number), classes, self._labels(points))
+
+    def _labels(self, points: LabelledPoints) -> AnyValues:
+        """Give what the viewer has no kind of its own for; it shows it for the point under the cursor."""
+        return self._rerun.AnyValues(instance=points.instance, confidence=points.confidence)
+
+
+def open_stream() -> RecordingStream:
+    """Start a recording that goes nowhere yet.
+
+    Raises:
+        OutputError: Rerun is not installed.
+    """
+    try:
+        import rerun
+    except ImportError as error:
+        raise OutputError(
+            "Rerun is not installed; expected the extra 'rerun'; run: pip install 'mcpseg[rerun]'"
+        ) from error
+    return rerun.RecordingStream(_APPLICATION)
+
+
+def write_recording(run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "class") -> int:
+    """Write the chosen voxels as a recording for the Rerun viewer, with the labels they have now.
+
+    Args:
+        run: The map.
+        path: The .rrd file; replaced if there, when complete.
+        selection: Which voxels.
+        colour_by: What colours say.
+
+    Returns:
+        How many points there are.
+
+    Raises:
+        InputError: Nothing is chosen.
+        OutputError: Rerun is not installed.
+        OSError: The file cannot be written.
+    """
+    stream = open_stream()
+    points, scan = _gather(run, selection, colour_by)
+    partial = path.with_name(f".{os.getpid()}.part{path.suffix}")
+    try:
+        partial.touch()  # fails as a file should; Rerun's own words say less
+        stream.save(partial)
+        log = RerunLog(stream, run.classes, run.voxel_size)
+        bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
+        for number, record in enumerate(run.scans):
+            log.add_scan(number, record.pose, points.select(slice(bounds[number], bounds[number + 1])))
+        stream.flush()
+        stream.disconnect()
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return len(scan)
+
+
+def _gather(run: LabelledRun, selection: Selection, colour_by: ColourBy) -> tuple[LabelledPoints, NDArray[np.int32]]:
+    """Take the chosen voxels and the scans that first saw them."""
+    colour = None if colour_by == "class" else colouring(run, colour_by)
+    rows = [
+        (part.xyz, part.semantic, part.instance, part.confidence, part.scan, colour(part) if colour else part.rgb)
+        for part in selection.parts(run)
+    ]
+    xyz, semantic, instance, confidence, scan, rgb = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return LabelledPoints(xyz, semantic, instance, confidence, rgb if colour else None), scan
+
+
+def _entity(number: int) -> str:
+    return f"map/{number:06d}"
