@@ -7,7 +7,7 @@ from mcpseg_cli.recording import open_recording, read_scan
 from mcpseg_cli.segmenter import IncrementalSegmenter
 
 folder = Path(sys.argv[1])
-segmenter = IncrementalSegmenter.load("smoke-test")
+segmenter = IncrementalSegmenter.load("mcpnet")
 
 for source in open_recording(folder / "scans", folder / "poses.csv"):  # your sensor driver here
     scan, _ = read_scan(source, frame="map", voxel_size=0.1)  # or Scan(xyz, rgb, pose, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mcpseg_cli.config import Method, RegionGrowingSettings
 from mcpseg_cli.errors import WeightsError
-from mcpseg_cli.weights import BUNDLED, DEFAULT_WEIGHTS, Weights, find_weights, load_weights
+from mcpseg_cli.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 
 
 def open_method(method: Method | None, weights: str | None) -> Weights | RegionGrowingSettings:
@@ -12,7 +12,7 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
 
     Args:
         method: None: whatever network the weights are of.
-        weights: A .safetensors file or the name of bundled weights; None: those bundled for the method.
+        weights: A .safetensors file or the name of bundled weights; None: those bundled for the method, of its name.
 
     Raises:
         WeightsError: There are none, they are damaged, or of another network than the method.
@@ -24,12 +24,12 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     if method is None:
         return load_weights(find_weights(weights or DEFAULT_WEIGHTS))
     try:
-        loaded = load_weights(find_weights(weights or BUNDLED[method]))
+        loaded = load_weights(find_weights(weights or method))
     except WeightsError as error:
         if weights is not None:
             raise
         remedy = f"train them with 'mcpseg train --net {method}'"
-        found = f"no bundled weights {BUNDLED[method]}"
+        found = "no bundled weights"
         raise WeightsError(f"--method {method}", found, "weights of this network with -w", remedy) from error
     if loaded.info.architecture != method:
         remedy = "give other weights, or leave --method out"

@@ -21,17 +21,7 @@ from mcpseg_cli.networks.pointnet2 import PointNet2
 from mcpseg_cli.networks.sgpn import SGPN
 from mcpseg_cli.networks.voxnet import VoxNet
 
-DEFAULT_WEIGHTS = "smoke-test"
-BUNDLED: dict[Architecture, str] = {
-    "mcpnet": DEFAULT_WEIGHTS,
-    "mcpnet-nocontext": "office-nocontext",
-    "pointnet": "office-pointnet",
-    "pointnet2": "office-pointnet2",
-    "sgpn": "office-sgpn",
-    "voxnet": "office-voxnet",
-}
-"""Bundled weights of each network, by name."""
-
+DEFAULT_WEIGHTS = "mcpnet"
 _METADATA = "mcpseg"
 
 

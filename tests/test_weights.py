@@ -2,6 +2,7 @@
 
 import json
 import struct
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -13,6 +14,9 @@ from mcpseg_cli.classes import MCPNET_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.tensor_bundle import import_checkpoint, read_tensor_bundle
 from mcpseg_cli.weights import Architecture, WeightsInfo, build_network, find_weights, load_weights, save_weights
+
+MODELS = Path(__file__).parents[1] / "models"
+BUNDLED = sorted(MODELS.glob("*.safetensors"))
 
 
 @pytest.mark.parametrize("architecture", get_args(Architecture))
@@ -88,13 +92,18 @@ def test_an_unknown_architecture_is_named(tmp_path):
 
 
 def test_bundled_weights_are_found_by_name_and_unknown_names_list_them():
-    assert find_weights("smoke-test").name == "smoke-test.safetensors"
-    with pytest.raises(WeightsError, match="smoke-test"):
+    assert find_weights("mcpnet").name == "mcpnet.safetensors"
+    with pytest.raises(WeightsError, match="mcpnet"):
         find_weights("no-such-weights")
 
 
-def test_the_bundled_default_says_what_it_is():
-    assert "smoke-test" in load_weights(find_weights("smoke-test")).info.notice
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
+def test_bundled_weights_load_and_the_table_of_weights_tells_their_hash(path):
+    weights = load_weights(path)
+    assert weights.info.classes == S3DIS_CLASSES
+    row = next(line for line in (MODELS / "README.md").read_text().splitlines() if f"`{path.name}`" in line)
+    assert weights.sha256 in row
+    assert weights.sha256 in path.with_suffix(".md").read_text()
 
 
 def varint(value: int) -> bytes:

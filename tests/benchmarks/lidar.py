@@ -1,6 +1,6 @@
 """One hundred synthetic lidar sweeps of 130,000 points: sweeps per second, all inclusive.
 
-    python -m tests.benchmarks.lidar [--range 5] [--weights smoke-test]
+    python -m tests.benchmarks.lidar [--range 5] [--weights mcpnet]
 
 A 64-beam spinning lidar drives through a long hall with pillars; sweeps are binary PLY with intensity and ring.
 """
@@ -61,7 +61,7 @@ def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--range", type=float, default=5.0)
-    parser.add_argument("--weights", default="smoke-test")
+    parser.add_argument("--weights", default="mcpnet")
     arguments = parser.parse_args()
     weights = load_weights(find_weights(arguments.weights))
     with tempfile.TemporaryDirectory() as name:

@@ -1,6 +1,6 @@
 """Grow a map to millions of voxels along a generated corridor: cost per scan, memory, disk, reopening.
 
-    python -m tests.benchmarks.scale [--voxels 5000000] [--weights smoke-test]
+    python -m tests.benchmarks.scale [--voxels 5000000] [--weights mcpnet]
 
 Scans come from files and go through the whole of ``mcpseg segment``: read, label, commit, write. The corridor winds
 through the plane, so that no part of it is seen twice.
@@ -68,7 +68,7 @@ def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--voxels", type=int, default=5_000_000)
-    parser.add_argument("--weights", default="smoke-test")
+    parser.add_argument("--weights", default="mcpnet")
     arguments = parser.parse_args()
     weights = load_weights(find_weights(arguments.weights))
     with tempfile.TemporaryDirectory() as name:

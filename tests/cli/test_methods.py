@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
+from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.weights import BUNDLED
 
 
 def segment(recording, output, *options: object):
@@ -67,7 +67,10 @@ def test_region_growing_takes_no_weights(recording, tmp_path, weights_path):
 
 
 def test_a_network_without_bundled_weights_says_how_to_get_some(recording, tmp_path, monkeypatch):
-    monkeypatch.setitem(BUNDLED, "voxnet", "no-such-weights")
+    def find_nothing(name):
+        raise WeightsError(name, "no such weights", "others", "check the name")
+
+    monkeypatch.setattr("mcpseg_cli.methods.find_weights", find_nothing)
     result = segment(recording, tmp_path / "out", "--method", "voxnet")
     assert result.exit_code == 1
     assert "mcpseg train --net voxnet" in result.stderr

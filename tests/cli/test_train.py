@@ -206,7 +206,7 @@ def test_a_second_process_is_refused(data, tmp_path):
         (("--holdout", "6"), "no area of number 6; expected one of 1, 2"),
         (("--holdout", "six"), "--holdout six: not a number; expected one of 1, 2, all or none"),
         (("--init", "nothing.safetensors"), "nothing.safetensors: No such file"),
-        (("--init", "smoke-test", "--net", "voxnet"), "--init smoke-test: mcpnet; expected voxnet"),
+        (("--init", "mcpnet", "--net", "voxnet"), "--init mcpnet: mcpnet; expected voxnet"),
         (("--device", "cuda:77"), "--device cuda:77: not available here"),
         (("--classes", "absent.csv"), "absent.csv: No such file"),
         (("--augment", "absent.json"), "absent.json: No such file"),
