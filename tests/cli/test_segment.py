@@ -176,7 +176,7 @@ def test_eval_without_labels_is_one_line(tmp_path):
 
 def test_eval_prints_a_table():
     result = invoke("eval", WALK / "gt/000000.ply", WALK / "gt")
-    assert re.search(r"^point_accuracy +1\.000$", result.stdout, re.MULTILINE)
+    assert re.search(r"^point_accuracy +1\.000 +1\.000$", result.stdout, re.MULTILINE)
 
 
 def test_import_weights_does_not_overwrite(tmp_path):
