@@ -1,4 +1,4 @@
-"""A map as one HTML page in headless Chromium: size, seconds to open, milliseconds per step of the slider and of turning.
+"""A map as one HTML page in headless Chromium: size, seconds to open, milliseconds per slider step and per turn.
 
     python -m tests.benchmarks.page [--voxels 500000 1000000] [--run out/]
 
