@@ -47,8 +47,8 @@ class Spy:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.centre: list[np.ndarray] = []
         self.context: dict[int, np.ndarray] = {}
-        monkeypatch.setattr("mcpseg_cli.segmenter.network_input", self.note_centre)
-        monkeypatch.setattr("mcpseg_cli.segmenter.context_input", self.note_context)
+        monkeypatch.setattr("mcpseg_cli.labelling.network_input", self.note_centre)
+        monkeypatch.setattr("mcpseg_cli.labelling.context_input", self.note_context)
 
     def note_centre(self, *arguments: object) -> np.ndarray:
         self.centre.append(network_input(*arguments))
