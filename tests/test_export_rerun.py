@@ -108,3 +108,10 @@ def test_a_viewer_that_is_none_is_refused_in_one_line(labelled_run, weights_path
     assert result.exit_code == 1
     assert target in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_viewer_that_is_not_there_leaves_an_earlier_run_as_it_was(labelled_run, weights_path, tmp_path):
+    assert segment(labelled_run, weights_path, tmp_path / "out").exit_code == 0
+    before = (tmp_path / "out/map.ply").read_bytes()
+    assert segment(labelled_run, weights_path, tmp_path / "out", "--overwrite", "--rerun", "window").exit_code == 1
+    assert (tmp_path / "out/map.ply").read_bytes() == before

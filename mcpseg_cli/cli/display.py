@@ -30,7 +30,7 @@ def progress_bar(title: str, *, quiet: bool) -> Progress:
     """
     console = Console(stderr=True)
     return Progress(
-        TextColumn(title),
+        TextColumn(title.replace("{", "{{").replace("}", "}}"), markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

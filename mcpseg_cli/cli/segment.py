@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.segment_run import ScanReport, SegmentRun
+    from mcpseg_cli.segmenter import IncrementalSegmenter
 
 
 def segment(
@@ -119,6 +120,9 @@ def segment(
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
     recording = open_recording(scans, poses, frame.value)
 
+    import numpy as np
+
+    from mcpseg_cli.device import find_device
     from mcpseg_cli.methods import open_method
     from mcpseg_cli.offline_run import OfflineRun
     from mcpseg_cli.run_folder import check_folders, clear_run
@@ -127,15 +131,18 @@ def segment(
     from mcpseg_cli.weights import Weights
 
     check_folders(recording, output)
+    find_device(device)
     opened = open_method(method.value if method else None, weights)
     segmenter = IncrementalSegmenter(opened, settings, precision=precision.value, device=device)
     options = RunOptions(frame.value, format.value if format else None, on_error.value, offline, sys.argv)
-    if overwrite:
-        clear_run(output, recording)
     run_type = OfflineRun if offline else SegmentRun
     with ExitStack() as entered:
+        live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
+        if overwrite:
+            clear_run(output, recording)
         run = entered.enter_context(run_type(recording, output, opened, segmenter, options))
-        live = entered.enter_context(_live_map(rerun, run)) if rerun else None
+        if live is not None:
+            live.follow(run.records, segmenter.rows(), np.empty(0, np.int32))
         interrupt = entered.enter_context(Interrupt())
         if isinstance(opened, Weights) and opened.info.notice:
             notice(f"mcpseg: {opened.name}: {opened.info.notice}", quiet=quiet)
@@ -151,15 +158,11 @@ def segment(
         raise typer.Exit(130)
 
 
-def _live_map(target: str, run: SegmentRun) -> LiveMap:
-    """Show what an earlier run has labelled; the rest follows scan by scan."""
-    import numpy as np
-
+def _live_map(target: str, segmenter: IncrementalSegmenter) -> LiveMap:
+    """Open the viewer or file that shows the map growing."""
     from mcpseg_cli.export.live_map import LiveMap
 
-    live = LiveMap(target, run.segmenter.classes, run.segmenter.settings.voxel_size)
-    live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
-    return live
+    return LiveMap(target, segmenter.classes, segmenter.settings.voxel_size)
 
 
 def _label_pending(

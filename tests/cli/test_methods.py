@@ -93,3 +93,9 @@ def test_region_growing_is_scored_without_classes(tmp_path):
     assert scores["point_accuracy"] == 0.0
     assert scores["nmi"] > 0.7
     assert scores["object_accuracy"] == 0.0
+
+
+def test_region_growing_refuses_an_unknown_device_too(recording, tmp_path):
+    result = segment(recording, tmp_path / "out", "--method", "region-growing", "--device", "abacus")
+    assert result.exit_code == 1
+    assert "--device abacus" in result.stderr
