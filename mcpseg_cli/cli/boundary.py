@@ -10,6 +10,8 @@ from typer.core import TyperGroup
 
 from mcpseg_cli.errors import McpsegError
 
+_NO_KERNEL_CACHE = "cannot cache function"
+
 
 class OneLineErrors(TyperGroup):
     """A command group that reports expected failures in one line, without a traceback."""
@@ -27,6 +29,15 @@ class OneLineErrors(TyperGroup):
             _fail(_explain(error), 1, error)
         except MemoryError as error:
             _fail("out of memory; expected smaller scans or a smaller range; what is finished is kept", 1, error)
+        except RuntimeError as error:  # numba has no class of its own for this
+            if not str(error).startswith(_NO_KERNEL_CACHE):
+                raise
+            _fail(
+                "compiled kernels cannot be kept: neither mcpseg's folder nor the home folder is writable; "
+                "set NUMBA_CACHE_DIR to a folder that is",
+                1,
+                error,
+            )
         except KeyboardInterrupt as error:
             _fail("interrupted; what is finished is kept; run the same command again, without --overwrite", 130, error)
 

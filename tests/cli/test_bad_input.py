@@ -407,3 +407,19 @@ def test_a_recording_of_bad_scans_only_gives_an_empty_map(case: Case) -> None:
     code, stdout, _ = run(case, "--on-error", "skip", "--json")
     document = json.loads(stdout)
     assert (code, len(document["skipped"]), document["voxels"]) == (0, 4, 0)
+
+
+def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden(tmp_path, monkeypatch):
+    said = "cannot cache function 'f': no locator available for file 'f.py'"
+
+    def refuse(*_):
+        raise RuntimeError(said)
+
+    monkeypatch.setattr("mcpseg_cli.recording.open_recording", refuse)
+    words = ["segment", str(tmp_path), str(tmp_path / "poses.csv"), "-o", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 1
+    assert "set NUMBA_CACHE_DIR" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    said = "something else"
+    assert isinstance(CliRunner().invoke(app, words).exception, RuntimeError)
