@@ -7,6 +7,7 @@ from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.recording import ScanFile
 from mcpseg_cli.state import State
 
+_SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
 _OUTPUTS = ("map.ply", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
 
 
@@ -61,14 +62,15 @@ def check_outputs(output: Path) -> None:
     Raises:
         OutputError: Names them.
     """
-    if (output / "state.sqlite").exists():
+    state = output / "state.sqlite"
+    if state.exists() and state.stat().st_size >= _SMALLEST_DATABASE:
         return
-    present = [name for name in _OUTPUTS if (output / name).exists()]
+    present = [name for name in _OUTPUTS if (output / name).exists() and (name != state.name)]
     if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").glob("*")):
         present.append("clouds in scans/")
     if present:
         remedy = "give --overwrite" if (output / "run.json").exists() else "move them away"
         raise OutputError(
-            f"{output}: has {', '.join(present)} but no state.sqlite; expected an empty folder or a run; "
-            f"choose another -o, or {remedy}"
+            f"{output}: has {', '.join(present)} but no state.sqlite, or an empty one; "
+            f"expected an empty folder or a run; choose another -o, or {remedy}"
         )

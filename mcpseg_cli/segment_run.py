@@ -25,6 +25,7 @@ from mcpseg_cli.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.state import ScanRecord, State
 from mcpseg_cli.weights import Weights
 
+_FIRST_TOLD = ("method", "offline", "weights")  # other differences follow from these
 _FLAGS = {"local_range": "--range", "weights": "--weights"}  # settings whose option is not called like them
 
 
@@ -202,7 +203,7 @@ class SegmentRun:
         if kept is None:
             self._state.set_configuration(asked)
             return
-        for key in sorted(kept.keys() | asked.keys()):
+        for key in sorted(kept.keys() | asked.keys(), key=lambda key: (key not in _FIRST_TOLD, key)):
             if kept.get(key) != asked.get(key):
                 flag = _FLAGS.get(key, f"--{key.replace('_', '-')}")
                 raise StateError(

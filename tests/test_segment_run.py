@@ -399,6 +399,16 @@ def test_a_damaged_events_file_is_rebuilt(recording, tmp_path, weights_path, gar
     assert [event["scan"] for event in events_of(tmp_path / "out")] == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.parametrize("size", [0, 1])
+def test_results_beside_an_emptied_checkpoint_are_not_replaced(recording, tmp_path, weights_path, size):
+    run_all(recording, tmp_path / "out", weights_path)
+    os.truncate(tmp_path / "out/state.sqlite", size)
+    before = (tmp_path / "out/map.ply").read_bytes()
+    with pytest.raises(OutputError, match=r"has map\.ply"):
+        run_all(recording, tmp_path / "out", weights_path)
+    assert (tmp_path / "out/map.ply").read_bytes() == before
+
+
 def test_garbage_behind_an_event_is_noticed(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path)
     path = tmp_path / "out/events.jsonl"
