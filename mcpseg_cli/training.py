@@ -67,6 +67,9 @@ class Trainer:
         validation: Batches to choose the best weights by; None: the last weights are the best.
         ranks: The processes that share the work; each has its own ``Trainer`` of the same network.
         class_weights: (C,) float32: what an error on a point of each class costs; None: all the same.
+
+    Raises:
+        TrainingError: There are too few batches for a step, or to validate in every process.
     """
 
     def __init__(
@@ -92,6 +95,24 @@ class Trainer:
         self._optimiser = torch.optim.AdamW(self._parameters, weight_decay=settings.weight_decay, fused=True)
         self._step = 0  # of the epoch at hand
         self._tally = Tally(num_classes, self._device)
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse data that is not enough for the processes there are."""
+        if self.num_steps == 0:
+            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
+        if self._validation is not None and self._num_validation_batches == 0:
+            raise TrainingError(
+                f"fewer held-out batches than the {self.ranks.world} processes; expected one for each; "
+                "hold out more scans, raise --validation-batches or start fewer processes"
+            )
+
+    @property
+    def _num_validation_batches(self) -> int:
+        """Held-out batches that this process scores."""
+        assert self._validation is not None
+        most = self.settings.validation_batches or len(self._validation)
+        return min(len(self._validation), most) // self.ranks.world
 
     @property
     def num_steps(self) -> int:
@@ -121,10 +142,8 @@ class Trainer:
             Progress every ten steps and after every epoch; ``state`` may be saved then, to go on from.
 
         Raises:
-            TrainingError: There are too few batches for a step, or the loss is no longer a number.
+            TrainingError: The loss is no longer a number, or the memory does not suffice.
         """
-        if self.num_steps == 0:
-            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
         while not self.is_finished:
             started = perf_counter()
             for batches in self._steps_left():
@@ -178,10 +197,8 @@ class Trainer:
         assert self._validation is not None
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
-        world = self.ranks.world
-        count = min(len(self._validation), self.settings.validation_batches or len(self._validation)) // world
-        source = self._validation.epoch(0, rank=self.ranks.rank, world=world)
-        with ahead(map(to_tensors, islice(source, max(count, 1))), _BATCHES_AHEAD) as batches:
+        source = self._validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
+        with ahead(map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD) as batches:
             for batch in (_move(batch, self._device) for batch in batches):
                 outcome = self._objective.evaluate(self.network, batch)
                 tally.add(outcome, self._objective.total(outcome), batch)

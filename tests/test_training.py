@@ -18,6 +18,7 @@ from mcpseg_cli.fine_tuning import adopt
 from mcpseg_cli.lock import exclusive
 from mcpseg_cli.objective import Outcome, Tally, TensorBatch, nearest_is_of_same_object
 from mcpseg_cli.prefetch import ahead
+from mcpseg_cli.ranks import Ranks
 from mcpseg_cli.samples import Batch
 from mcpseg_cli.training import Trainer, balance, learning_rate
 from mcpseg_cli.weights import Weights, WeightsInfo, build_network
@@ -200,6 +201,13 @@ def test_a_loss_that_is_no_number_ends_training_in_one_line():
 def test_no_batches_are_refused():
     with pytest.raises(TrainingError, match="1 batches"):
         finish(make_trainer(World(1), batches_per_step=2))
+
+
+def test_fewer_held_out_batches_than_processes_are_refused():
+    with pytest.raises(TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"):
+        make_trainer(World(6), World(2), ranks=Ranks(0, 3))
+    with pytest.raises(TrainingError, match="raise --validation-batches"):
+        make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
 
 
 @given(st.integers(0, 999), st.sampled_from(["constant", "cosine"]), st.floats(0, 5))
