@@ -118,14 +118,23 @@ class TrainRun:
         data: The fold's.
         device: Where to train.
         ranks: The processes that share the work; only rank 0 writes.
+        anew: Ignore what is there; ``files.clear`` deletes it.
 
     Raises:
         StateError: The checkpoint there was made with other settings or data, or is damaged.
+        TrainingError: There are too few batches.
         WeightsError: The weights to start from do not fit.
     """
 
     def __init__(
-        self, files: TrainFiles, request: TrainRequest, data: FoldData, device: torch.device, ranks: Ranks
+        self,
+        files: TrainFiles,
+        request: TrainRequest,
+        data: FoldData,
+        device: torch.device,
+        ranks: Ranks,
+        *,
+        anew: bool = False,
     ) -> None:
         settings, samples = request.settings, request.data.samples
         self.files, self.request, self.data, self.ranks, self.device = files, request, data, ranks, device
@@ -137,7 +146,7 @@ class TrainRun:
         )
         self.new_classes: list[str] = []
         self.identity = self._identity()
-        self.record = files.record()
+        self.record = None if anew else files.record()
         network = self._first_network().to(device)
         class_weights = balance(data.plain, len(data.classes)) if settings.class_balance == "sqrt" else None
         self.trainer = Trainer(
@@ -148,7 +157,7 @@ class TrainRun:
         if self.record is not None:
             before = self.record.get("identity")
             check_identity(files.path("json"), before if isinstance(before, dict) else {}, self.identity)
-        elif files.path("checkpoint").exists():
+        elif not anew and files.path("checkpoint").exists():
             self.trainer.restore(read_checkpoint(files.path("checkpoint"), self.identity))
             self.has_resumed = True
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -184,6 +185,32 @@ def test_what_is_there_is_not_overwritten_unasked(data, trained):
     result = invoke(*arguments(data, trained, "--epochs", "4"))
     assert result.exit_code == 1
     assert "mcpnet-holdout2.safetensors: is there; expected a new name" in result.stderr
+
+
+@pytest.mark.parametrize("what", ["another network", "another class table", "too few batches"])
+def test_what_is_there_stays_until_training_can_start(what, data, trained, tmp_path):
+    table = tmp_path / "classes.csv"
+    table.write_text("cow,cattle\nhorse,cattle\nsheep,flock\n")
+    options = {
+        "another network": ("--init", "voxnet"),
+        "another class table": ("--classes", table),
+        "too few batches": ("--batches-per-step", "99"),
+    }[what]
+    output = tmp_path / "out"
+    shutil.copytree(trained, output)
+    result = invoke(*arguments(data, output, "--overwrite", *options))
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    for path in trained.iterdir():
+        assert (output / path.name).read_bytes() == path.read_bytes()
+
+
+def test_overwriting_trains_anew(data, trained, tmp_path):
+    output = tmp_path / "out"
+    shutil.copytree(trained, output)
+    result = invoke(*arguments(data, output, "--overwrite", "--epochs", "1", "--lr", "0.5"))
+    assert result.exit_code == 0, result.stderr
+    assert json.loads((output / "mcpnet-holdout2.json").read_text())["epochs"] == 1
 
 
 def test_changed_settings_are_named_when_resuming(data, trained):
