@@ -161,7 +161,7 @@ def read_class_table(path: Path) -> dict[str, str]:
         Class by label.
 
     Raises:
-        InputError: Another layout, a label given twice, fewer than two classes or too many, or a name that breaks headers.
+        InputError: Another layout, a label given twice, too few or too many classes, or a name that breaks headers.
         OSError: The file cannot be opened.
     """
     remedy = "see 'mcpseg train --help'"

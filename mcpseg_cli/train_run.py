@@ -219,6 +219,8 @@ class TrainRun:
     def write_results(self, *, keep_checkpoint: bool = False) -> dict[str, JsonValue]:
         """Write weights, card and record of what is trained so far; the checkpoint goes when that is all.
 
+        Before the end of the first epoch nothing is written: no one wants weights that nothing was learned in.
+
         Args:
             keep_checkpoint: It stays nevertheless.
 
@@ -228,6 +230,8 @@ class TrainRun:
         Raises:
             OSError: The disk is full or the folder not writable; the checkpoint stays.
         """
+        if not self.trainer.curves:
+            return self._record(None, 0)
         network = build_network(self.info)
         network.load_state_dict({name: tensor.cpu() for name, tensor in self.trainer.best_network().items()})
         info = self.info.model_copy(update={"training": self._facts()})
@@ -263,7 +267,7 @@ class TrainRun:
             facts |= {} if scores.miou is None else {"validation_miou": scores.miou}
         return facts
 
-    def _record(self, sha256: str, size: int) -> dict[str, JsonValue]:
+    def _record(self, sha256: str | None, size: int) -> dict[str, JsonValue]:
         """Say all there is to say about the weights."""
         best = self._best()
         return {

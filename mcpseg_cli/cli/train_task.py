@@ -168,6 +168,8 @@ class TrainTask:
             typer.echo(json.dumps(records[0] if len(records) == 1 else records))
             return
         for record in records:
+            if record["epochs"] == 0:  # no weights yet
+                continue
             print_table(_rows(record, files.folder))
         accuracies = [_score(record, "accuracy") for record in records]
         mious = [_score(record, "miou") for record in records]

@@ -15,6 +15,7 @@ from safetensors.torch import load_file
 from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
+from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.lock import exclusive
 from mcpseg_cli.recording import open_recording, read_scan
@@ -133,6 +134,17 @@ def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_
     assert load_weights(tmp_path / "mcpnet-holdout2.safetensors").info.classes == CLASSES
     assert "interrupted after" in (tmp_path / "mcpnet-holdout2.md").read_text()
     assert (tmp_path / "mcpnet-holdout2.checkpoint").exists()
+
+
+def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypatch):
+    always = property(lambda _: True, lambda _, asked: None)
+    monkeypatch.setattr(Interrupt, "asked", always, raising=False)
+    result = invoke(*arguments(data, tmp_path, "--epochs", "2"))
+    assert result.exit_code == 130
+    assert "interrupted after 0 epochs; continue with: mcpseg train" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mcpnet-holdout2.checkpoint"]
+    monkeypatch.undo()
+    assert invoke(*arguments(data, tmp_path, "--epochs", "2", "--resume", "-q")).exit_code == 0
 
 
 def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
