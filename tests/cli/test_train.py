@@ -129,7 +129,7 @@ def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_
     process.send_signal(signal.SIGINT)
     stderr = process.communicate(timeout=60)[1]
     assert process.returncode == 130
-    assert "continue with: mcpseg train" in stderr.splitlines()[-1]
+    assert "continue with: mcpseg" in stderr.splitlines()[-1]
     assert stderr.splitlines()[-1].endswith("--resume")
     assert load_weights(tmp_path / "mcpnet-holdout2.safetensors").info.classes == CLASSES
     assert "interrupted after" in (tmp_path / "mcpnet-holdout2.md").read_text()
