@@ -27,6 +27,18 @@ _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
 
 
+@contextmanager
+def _in_memory() -> Iterator[None]:
+    """Say in one line that memory does not suffice; torch says so in many, and on the processor as any other error."""
+    try:
+        yield
+    except (RuntimeError, MemoryError) as error:
+        words = ("out of memory", "can't allocate memory", "not enough memory")
+        if isinstance(error, MemoryError) or any(each in str(error) for each in words):
+            raise TrainingError("out of memory; expected room for a batch; lower --batch-size") from error
+        raise
+
+
 class Batches(Protocol):
     """Where batches come from; ``samples.BatchSource`` is one."""
 
@@ -168,6 +180,7 @@ class Trainer:
             for _ in range(self._step, self.num_steps):
                 yield [_move(batch, self._device) for batch in islice(batches, each)]
 
+    @_in_memory()
     def _learn(self, batches: Sequence[TensorBatch]) -> None:
         """Change the parameters a little, by the mean gradient of some batches."""
         epoch, settings = len(self.curves), self.settings
@@ -191,6 +204,7 @@ class Trainer:
         epoch = len(self.curves) + 1
         return epoch % self.settings.validate_every == 0 or epoch == self.settings.epochs
 
+    @_in_memory()
     @torch.no_grad()
     def _validate(self, should_stop: Callable[[], bool]) -> Scores | None:
         """Score the held-out batches, the same ones every time; None when asked to stop."""

@@ -210,6 +210,30 @@ def test_fewer_held_out_batches_than_processes_are_refused():
         make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
 
 
+@pytest.mark.parametrize("part", ["learn", "validate"])
+@pytest.mark.parametrize("error", [MemoryError(), torch.cuda.OutOfMemoryError("CUDA out of memory. Tried"), None])
+def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
+    trainer = make_trainer(validation=World(2))
+
+    def evaluate(*_):
+        if error is not None:
+            raise error
+        torch.empty(2**60, dtype=torch.uint8)
+
+    monkeypatch.setattr(trainer._objective, "evaluate", evaluate)
+    batches = [_tensors(batch) for batch in World(1).epoch(0)]
+    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[part]
+    with pytest.raises(TrainingError, match="out of memory; expected room for a batch; lower --batch-size"):
+        work()
+
+
+def test_other_errors_of_torch_stay_what_they_are(monkeypatch):
+    trainer = make_trainer()
+    monkeypatch.setattr(trainer._objective, "evaluate", lambda *_: torch.ones(2) @ torch.ones(3))
+    with pytest.raises(RuntimeError, match="size"):
+        finish(trainer)
+
+
 @given(st.integers(0, 999), st.sampled_from(["constant", "cosine"]), st.floats(0, 5))
 def test_the_learning_rate_stays_between_nothing_and_its_peak(step, schedule, warm_up):
     settings = TrainSettings(epochs=100, learning_rate=0.1, schedule=schedule, warm_up=warm_up)
