@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.whole import printable
 
 RECORD = "raytrace.json"
 _IGNORED = ("", "unknown", "-")  # names in a class table for labels that no class is trained for
@@ -103,7 +104,7 @@ def _check_area(record: Path) -> None:
 
 
 def _name(folder: Path, data: Path) -> str:
-    return folder.absolute().name if folder == data else folder.relative_to(data).as_posix()
+    return printable(folder.absolute().name if folder == data else folder.relative_to(data).as_posix())
 
 
 def _number(folder: Path) -> int | None:

@@ -19,7 +19,7 @@ from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import OutputError, StateError
 from mcpseg_cli.fine_tuning import adopt
 from mcpseg_cli.folds import Fold
-from mcpseg_cli.formats.whole import write_whole
+from mcpseg_cli.formats.whole import printable, write_whole
 from mcpseg_cli.model_card import model_card
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.ranks import Ranks
@@ -275,13 +275,13 @@ class TrainRun:
             "mcpseg": __version__,
             "torch": torch.__version__,
             "complete": self.trainer.is_finished,
-            "name": self.files.name,
+            "name": printable(self.files.name),
             "sha256": sha256,
             "bytes": size,
             "architecture": self.info.architecture,
             "classes": list(self.info.classes),
             "new_classes": list(self.new_classes) if self.request.init else None,
-            "init_name": self.request.init.name if self.request.init else None,
+            "init_name": printable(self.request.init.name) if self.request.init else None,
             "holdout": self.request.fold.holdout,
             "epochs": len(self.trainer.curves),
             "best_epoch": best.epoch if best else 0,
@@ -289,7 +289,7 @@ class TrainRun:
             "validation": best.validation.model_dump(mode="json") if best and best.validation else None,
             "seconds": round(sum(report.seconds for report in self.trainer.curves), 1),
             "device": self.device.type,
-            "command": shlex.join(self.request.command),
+            "command": printable(shlex.join(self.request.command)),
             "curves": [report.model_dump(mode="json") for report in self.trainer.curves],
             "identity": self.identity,
         }

@@ -129,7 +129,7 @@ def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_
     process.send_signal(signal.SIGINT)
     stderr = process.communicate(timeout=60)[1]
     assert process.returncode == 130
-    assert "continue with: mcpseg" in stderr.splitlines()[-1]
+    assert "continue with: mcpseg train" in stderr.splitlines()[-1]
     assert stderr.splitlines()[-1].endswith("--resume")
     assert load_weights(tmp_path / "mcpnet-holdout2.safetensors").info.classes == CLASSES
     assert "interrupted after" in (tmp_path / "mcpnet-holdout2.md").read_text()
@@ -141,7 +141,7 @@ def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypa
     monkeypatch.setattr(Interrupt, "asked", always, raising=False)
     result = invoke(*arguments(data, tmp_path, "--epochs", "2"))
     assert result.exit_code == 130
-    assert "interrupted after 0 epochs; continue with: mcpseg train" in result.stderr
+    assert "interrupted after 0 epochs; continue with: mcpseg" in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mcpnet-holdout2.checkpoint"]
     monkeypatch.undo()
     assert invoke(*arguments(data, tmp_path, "--epochs", "2", "--resume", "-q")).exit_code == 0
@@ -178,6 +178,24 @@ def test_everything_can_be_trained_on(data, tmp_path):
     assert result.exit_code == 0
     assert record["validation"] is None
     assert "nothing was held out" in (tmp_path / "mine.md").read_text()
+
+
+def test_paths_that_are_no_utf8_are_written_as_escapes(tmp_path):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xff"))
+    try:
+        write_area(folder / os.fsdecode(b"hall\xfe"), 3)
+    except OSError:
+        pytest.skip("this file system takes no such names")
+    output = folder / "out"
+    words = [os.fsencode(word) for word in (str(folder), "--holdout", "none", *SMALL, "-o", str(output))]
+    command = [sys.executable, "-m", "mcpseg_cli", "train", *words, "--name", b"a\xfd", "--epochs", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    assert result.returncode == 0, result.stderr
+    record = json.loads((output / os.fsdecode(b"a\xfd.json")).read_text())
+    assert "d\\xff" in record["command"]
+    assert "hall\\xfe" in (output / os.fsdecode(b"a\xfd.md")).read_text()
+    shutil.copy(output / os.fsdecode(b"a\xfd.safetensors"), tmp_path / "a.safetensors")  # safetensors reads UTF-8 only
+    assert load_weights(tmp_path / "a.safetensors").info.training["data"] == "hall\\xfe"
 
 
 def test_fine_tuning_for_other_classes(data, trained, tmp_path):
