@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 UNKNOWN = 255
 """The semantic label of a point that has no class (yet)."""
 
+MOST_CLASSES = 254
+"""Classes of a table at most; the labels above them mean no class."""
+
 S3DIS_CLASSES = (
     "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa", "bookcase", "board", "clutter",
 )  # fmt: skip
@@ -17,6 +20,25 @@ MCPNET_CLASSES = (
     "clutter", "board", "bookcase", "beam", "chair", "column", "door", "sofa", "table", "window", "ceiling", "floor", "wall",
 )  # fmt: skip
 """The same 13 classes in the order of the MCPNet authors' program and weights."""
+
+
+def table_problem(classes: Sequence[str]) -> str | None:
+    """Say what keeps a class table out of labels of a byte and the headers of clouds, where commas part the names.
+
+    Args:
+        classes: Class names.
+
+    Returns:
+        What is there that must not be, in some words; None where the table can be used.
+    """
+    if len(classes) > MOST_CLASSES:
+        return f"{len(classes)} classes"
+    bad = next((name for name in classes if "," in name or not name.isprintable()), None)
+    return None if bad is None else f"a class named {bad!a}"
+
+
+TABLE_EXPECTED = f"up to {MOST_CLASSES} names without commas, line breaks and control characters"
+"""What ``table_problem`` asks of a table, for messages."""
 
 
 def remap_table(source: Sequence[str], target: Sequence[str]) -> NDArray[np.uint8]:

@@ -10,7 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.whole import printable
 
 RECORD = "raytrace.json"
 _IGNORED = ("", "unknown", "-")  # names in a class table for labels that no class is trained for
@@ -102,7 +104,7 @@ def _check_area(record: Path) -> None:
 
 
 def _name(folder: Path, data: Path) -> str:
-    return folder.absolute().name if folder == data else folder.relative_to(data).as_posix()
+    return printable(folder.absolute().name if folder == data else folder.relative_to(data).as_posix())
 
 
 def _number(folder: Path) -> int | None:
@@ -160,14 +162,14 @@ def read_class_table(path: Path) -> dict[str, str]:
         Class by label.
 
     Raises:
-        InputError: Another layout, a label given twice, or fewer than two classes.
+        InputError: Another layout, a label given twice, too few or too many classes, or a name that breaks headers.
         OSError: The file cannot be opened.
     """
     remedy = "see 'mcpseg train --help'"
     try:
         text = path.read_text(encoding="utf-8-sig")
         pairs = _json_pairs(text) if path.suffix.lower() == ".json" else _csv_pairs(text)
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, csv.Error) as error:
         expected = "lines 'label,class', or one JSON object of texts"
         raise InputError(path, str(error) or "another layout", expected, remedy) from error
     table = {label: name for label, name in pairs if name.lower() not in _IGNORED}
@@ -176,6 +178,8 @@ def read_class_table(path: Path) -> dict[str, str]:
         raise InputError(path, f"label {twice!r} twice", "every label once", "delete one")
     if len(set(table.values())) < 2:
         raise InputError(path, f"{len(set(table.values()))} classes", "two or more", remedy)
+    if problem := table_problem(sorted(set(table.values()))):
+        raise InputError(path, problem, TABLE_EXPECTED, "rename or merge classes")
     return table
 
 
@@ -203,7 +207,13 @@ def trained_classes(tables: Sequence[Sequence[str]], mapping: Mapping[str, str] 
     Args:
         tables: Class names of each area.
         mapping: From ``read_class_table``.
+
+    Raises:
+        InputError: The areas have too many classes, or one whose name cannot be used.
     """
     if mapping is not None:
         return tuple(dict.fromkeys(mapping.values()))
-    return tuple(dict.fromkeys(name for table in tables for name in table))
+    classes = tuple(dict.fromkeys(name for table in tables for name in table))
+    if problem := table_problem(classes):
+        raise InputError("class tables of the data", problem, TABLE_EXPECTED, "choose classes with --classes")
+    return classes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,13 +72,19 @@ def prepare(areas: Iterable[Area], settings: DataSettings, note: Note) -> dict[A
     if settings.cache is not None:
         settings.cache.mkdir(parents=True, exist_ok=True)
     for area in areas:
-        file = None if settings.cache is None else settings.cache / f"{area.name.replace('/', '-')}.h5"
+        file = None if settings.cache is None else _cache_file(area, settings.cache)
 
         def progress(done: int, total: int, name: str = area.name) -> None:
             note(name, done, total)
 
         prepared[area] = prepare_samples(area.folder, settings.samples, file, progress)
     return prepared
+
+
+def _cache_file(area: Area, cache: Path) -> Path:
+    """Name an area's file in the cache so that no other area has it: names with / and with - would look the same."""
+    digest = hashlib.sha256(os.fsencode(area.folder.resolve())).hexdigest()
+    return cache / f"{area.name.replace('/', '-')}-{digest[:12]}.h5"
 
 
 def fold_data(fold: Fold, prepared: Mapping[Area, AreaSamples], data: DataSettings, train: TrainSettings) -> FoldData:

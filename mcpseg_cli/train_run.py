@@ -19,7 +19,7 @@ from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import OutputError, StateError
 from mcpseg_cli.fine_tuning import adopt
 from mcpseg_cli.folds import Fold
-from mcpseg_cli.formats.whole import write_whole
+from mcpseg_cli.formats.whole import printable, write_whole
 from mcpseg_cli.model_card import model_card
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.ranks import Ranks
@@ -118,14 +118,23 @@ class TrainRun:
         data: The fold's.
         device: Where to train.
         ranks: The processes that share the work; only rank 0 writes.
+        anew: Ignore what is there; ``files.clear`` deletes it.
 
     Raises:
         StateError: The checkpoint there was made with other settings or data, or is damaged.
+        TrainingError: There are too few batches.
         WeightsError: The weights to start from do not fit.
     """
 
     def __init__(
-        self, files: TrainFiles, request: TrainRequest, data: FoldData, device: torch.device, ranks: Ranks
+        self,
+        files: TrainFiles,
+        request: TrainRequest,
+        data: FoldData,
+        device: torch.device,
+        ranks: Ranks,
+        *,
+        anew: bool = False,
     ) -> None:
         settings, samples = request.settings, request.data.samples
         self.files, self.request, self.data, self.ranks, self.device = files, request, data, ranks, device
@@ -137,7 +146,7 @@ class TrainRun:
         )
         self.new_classes: list[str] = []
         self.identity = self._identity()
-        self.record = files.record()
+        self.record = None if anew else files.record()
         network = self._first_network().to(device)
         class_weights = balance(data.plain, len(data.classes)) if settings.class_balance == "sqrt" else None
         self.trainer = Trainer(
@@ -148,7 +157,7 @@ class TrainRun:
         if self.record is not None:
             before = self.record.get("identity")
             check_identity(files.path("json"), before if isinstance(before, dict) else {}, self.identity)
-        elif files.path("checkpoint").exists():
+        elif not anew and files.path("checkpoint").exists():
             self.trainer.restore(read_checkpoint(files.path("checkpoint"), self.identity))
             self.has_resumed = True
 
@@ -210,6 +219,8 @@ class TrainRun:
     def write_results(self, *, keep_checkpoint: bool = False) -> dict[str, JsonValue]:
         """Write weights, card and record of what is trained so far; the checkpoint goes when that is all.
 
+        Before the end of the first epoch nothing is written: no one wants weights that nothing was learned in.
+
         Args:
             keep_checkpoint: It stays nevertheless.
 
@@ -219,6 +230,8 @@ class TrainRun:
         Raises:
             OSError: The disk is full or the folder not writable; the checkpoint stays.
         """
+        if not self.trainer.curves:
+            return self._record(None, 0)
         network = build_network(self.info)
         network.load_state_dict({name: tensor.cpu() for name, tensor in self.trainer.best_network().items()})
         info = self.info.model_copy(update={"training": self._facts()})
@@ -254,7 +267,7 @@ class TrainRun:
             facts |= {} if scores.miou is None else {"validation_miou": scores.miou}
         return facts
 
-    def _record(self, sha256: str, size: int) -> dict[str, JsonValue]:
+    def _record(self, sha256: str | None, size: int) -> dict[str, JsonValue]:
         """Say all there is to say about the weights."""
         best = self._best()
         return {
@@ -262,13 +275,13 @@ class TrainRun:
             "mcpseg": __version__,
             "torch": torch.__version__,
             "complete": self.trainer.is_finished,
-            "name": self.files.name,
+            "name": printable(self.files.name),
             "sha256": sha256,
             "bytes": size,
             "architecture": self.info.architecture,
             "classes": list(self.info.classes),
             "new_classes": list(self.new_classes) if self.request.init else None,
-            "init_name": self.request.init.name if self.request.init else None,
+            "init_name": printable(self.request.init.name) if self.request.init else None,
             "holdout": self.request.fold.holdout,
             "epochs": len(self.trainer.curves),
             "best_epoch": best.epoch if best else 0,
@@ -276,7 +289,7 @@ class TrainRun:
             "validation": best.validation.model_dump(mode="json") if best and best.validation else None,
             "seconds": round(sum(report.seconds for report in self.trainer.curves), 1),
             "device": self.device.type,
-            "command": shlex.join(self.request.command),
+            "command": printable(shlex.join(self.request.command)),
             "curves": [report.model_dump(mode="json") for report in self.trainer.curves],
             "identity": self.identity,
         }

@@ -27,6 +27,18 @@ _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
 
 
+@contextmanager
+def _in_memory() -> Iterator[None]:
+    """Say in one line that memory does not suffice; torch says so in many, and on the processor as any other error."""
+    try:
+        yield
+    except (RuntimeError, MemoryError) as error:
+        words = ("out of memory", "can't allocate memory", "not enough memory")
+        if isinstance(error, MemoryError) or any(each in str(error) for each in words):
+            raise TrainingError("out of memory; expected room for a batch; lower --batch-size") from error
+        raise
+
+
 class Batches(Protocol):
     """Where batches come from; ``samples.BatchSource`` is one."""
 
@@ -67,6 +79,9 @@ class Trainer:
         validation: Batches to choose the best weights by; None: the last weights are the best.
         ranks: The processes that share the work; each has its own ``Trainer`` of the same network.
         class_weights: (C,) float32: what an error on a point of each class costs; None: all the same.
+
+    Raises:
+        TrainingError: There are too few batches for a step, or to validate in every process.
     """
 
     def __init__(
@@ -92,6 +107,24 @@ class Trainer:
         self._optimiser = torch.optim.AdamW(self._parameters, weight_decay=settings.weight_decay, fused=True)
         self._step = 0  # of the epoch at hand
         self._tally = Tally(num_classes, self._device)
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse data that is not enough for the processes there are."""
+        if self.num_steps == 0:
+            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
+        if self._validation is not None and self._num_validation_batches == 0:
+            raise TrainingError(
+                f"fewer held-out batches than the {self.ranks.world} processes; expected one for each; "
+                "hold out more scans, raise --validation-batches or start fewer processes"
+            )
+
+    @property
+    def _num_validation_batches(self) -> int:
+        """Held-out batches that this process scores."""
+        assert self._validation is not None
+        most = self.settings.validation_batches or len(self._validation)
+        return min(len(self._validation), most) // self.ranks.world
 
     @property
     def num_steps(self) -> int:
@@ -121,10 +154,8 @@ class Trainer:
             Progress every ten steps and after every epoch; ``state`` may be saved then, to go on from.
 
         Raises:
-            TrainingError: There are too few batches for a step, or the loss is no longer a number.
+            TrainingError: The loss is no longer a number, or the memory does not suffice.
         """
-        if self.num_steps == 0:
-            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
         while not self.is_finished:
             started = perf_counter()
             for batches in self._steps_left():
@@ -149,6 +180,7 @@ class Trainer:
             for _ in range(self._step, self.num_steps):
                 yield [_move(batch, self._device) for batch in islice(batches, each)]
 
+    @_in_memory()
     def _learn(self, batches: Sequence[TensorBatch]) -> None:
         """Change the parameters a little, by the mean gradient of some batches."""
         epoch, settings = len(self.curves), self.settings
@@ -172,16 +204,15 @@ class Trainer:
         epoch = len(self.curves) + 1
         return epoch % self.settings.validate_every == 0 or epoch == self.settings.epochs
 
+    @_in_memory()
     @torch.no_grad()
     def _validate(self, should_stop: Callable[[], bool]) -> Scores | None:
         """Score the held-out batches, the same ones every time; None when asked to stop."""
         assert self._validation is not None
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
-        world = self.ranks.world
-        count = min(len(self._validation), self.settings.validation_batches or len(self._validation)) // world
-        source = self._validation.epoch(0, rank=self.ranks.rank, world=world)
-        with ahead(map(to_tensors, islice(source, max(count, 1))), _BATCHES_AHEAD) as batches:
+        source = self._validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
+        with ahead(map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD) as batches:
             for batch in (_move(batch, self._device) for batch in batches):
                 outcome = self._objective.evaluate(self.network, batch)
                 tally.add(outcome, self._objective.total(outcome), batch)

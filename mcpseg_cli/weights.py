@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
 from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
 from mcpseg_cli.errors import WeightsError, naming
 from mcpseg_cli.networks.mcpnet import MCPNet
@@ -40,11 +41,19 @@ class WeightsInfo(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     architecture: Architecture
-    classes: tuple[str, ...] = Field(min_length=2, max_length=254)
+    classes: tuple[str, ...] = Field(min_length=2, max_length=MOST_CLASSES)
     context_window: ContextWindow = "cells"
     num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
     notice: str = ""
     training: dict[str, str | int | float] = {}
+
+    @field_validator("classes")
+    @classmethod
+    def _check_classes(cls, classes: tuple[str, ...]) -> tuple[str, ...]:
+        """Refuse names that would break the headers of clouds."""
+        if problem := table_problem(classes):
+            raise ValueError(f"{problem}; expected {TABLE_EXPECTED}")
+        return classes
 
 
 @dataclass(frozen=True)

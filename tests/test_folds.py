@@ -74,6 +74,10 @@ def test_class_tables_are_read(name, text, tmp_path):
         ("t.json", "[1]", "values that are not texts"),
         ("t.json", '{"a": 1}', "values that are not texts"),
         ("t.json", "{", "Expecting property name"),
+        ("t.csv", 'a,"desk, low"\nb,c\n', "a class named 'desk, low'; expected up to 254 names without commas"),
+        ("t.json", '{"a": "b\\nc", "d": "e"}', r"a class named 'b\\nc'; expected"),
+        ("t.csv", "".join(f"{n},c{n}\n" for n in range(255)), "255 classes; expected up to 254"),
+        ("t.csv", 'a,b\nc,"d' + "e" * 140_000, "field larger than field limit"),
     ],
 )
 def test_bad_class_tables_are_refused_in_one_line(name, text, words, tmp_path):
@@ -85,3 +89,9 @@ def test_bad_class_tables_are_refused_in_one_line(name, text, words, tmp_path):
 
 def test_without_a_table_all_classes_of_the_data_are_trained():
     assert trained_classes([("a", "b"), ("b", "c")], None) == ("a", "b", "c")
+
+
+@pytest.mark.parametrize("classes", [("a,b", "c"), ("a\x07", "c"), tuple(f"c{n}" for n in range(255))])
+def test_class_tables_of_the_data_that_labels_cannot_hold_are_refused(classes):
+    with pytest.raises(InputError, match=r"class tables of the data: .*; expected up to 254 names.*--classes"):
+        trained_classes([classes], None)

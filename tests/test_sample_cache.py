@@ -10,14 +10,16 @@ import h5py
 import numpy as np
 import pytest
 
-from mcpseg_cli.config import SampleSettings, SegmentSettings
+from mcpseg_cli.config import AugmentSettings, SampleSettings, SegmentSettings
 from mcpseg_cli.context import context_input, network_input
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.folds import find_areas
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.recording import read_scan
 from mcpseg_cli.replay import Replay, founding_points, list_scans
 from mcpseg_cli.sample_cache import AreaSamples, prepare_samples
 from mcpseg_cli.segmenter import IncrementalSegmenter
+from mcpseg_cli.train_data import DataSettings, prepare
 from mcpseg_cli.voxel_map import VoxelMap
 from tests.areas import CLASSES, write_area
 
@@ -298,3 +300,17 @@ def test_an_area_says_what_it_is(area):
     replay = Replay(area, SETTINGS)
     assert samples.num_samples == sum(len(scan.voxel) for scan in replay.run())
     assert (samples.name, samples.classes, samples.num_scans) == ("area", CLASSES, 5)
+
+
+def test_a_cache_keeps_areas_apart_whose_names_differ_in_a_slash_only(tmp_path):
+    for seed, name in enumerate(("x/Area_1", "x-Area_1")):
+        write_area(tmp_path / "data" / name, num_scans=1 + seed, seed=seed, density=0.1)
+    areas = find_areas(tmp_path / "data")
+    settings = DataSettings(SETTINGS, AugmentSettings.off(), cache=tmp_path / "cache")
+    prepared = prepare(areas, settings, lambda *_: None)
+    num_scans = {area.name: AreaSamples(prepared[area].path).num_scans for area in areas}
+    assert num_scans == {"x/Area_1": 1, "x-Area_1": 2}
+    files = sorted((tmp_path / "cache").glob("*.h5"))
+    assert len(files) == 2
+    prepare(areas, settings, lambda *_: None)
+    assert sorted((tmp_path / "cache").glob("*.h5")) == files

@@ -18,6 +18,7 @@ from mcpseg_cli.fine_tuning import adopt
 from mcpseg_cli.lock import exclusive
 from mcpseg_cli.objective import Outcome, Tally, TensorBatch, nearest_is_of_same_object
 from mcpseg_cli.prefetch import ahead
+from mcpseg_cli.ranks import Ranks
 from mcpseg_cli.samples import Batch
 from mcpseg_cli.training import Trainer, balance, learning_rate
 from mcpseg_cli.weights import Weights, WeightsInfo, build_network
@@ -200,6 +201,37 @@ def test_a_loss_that_is_no_number_ends_training_in_one_line():
 def test_no_batches_are_refused():
     with pytest.raises(TrainingError, match="1 batches"):
         finish(make_trainer(World(1), batches_per_step=2))
+
+
+def test_fewer_held_out_batches_than_processes_are_refused():
+    with pytest.raises(TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"):
+        make_trainer(World(6), World(2), ranks=Ranks(0, 3))
+    with pytest.raises(TrainingError, match="raise --validation-batches"):
+        make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
+
+
+@pytest.mark.parametrize("part", ["learn", "validate"])
+@pytest.mark.parametrize("error", [MemoryError(), torch.cuda.OutOfMemoryError("CUDA out of memory. Tried"), None])
+def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
+    trainer = make_trainer(validation=World(2))
+
+    def evaluate(*_):
+        if error is not None:
+            raise error
+        torch.empty(2**60, dtype=torch.uint8)
+
+    monkeypatch.setattr(trainer._objective, "evaluate", evaluate)
+    batches = [_tensors(batch) for batch in World(1).epoch(0)]
+    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[part]
+    with pytest.raises(TrainingError, match="out of memory; expected room for a batch; lower --batch-size"):
+        work()
+
+
+def test_other_errors_of_torch_stay_what_they_are(monkeypatch):
+    trainer = make_trainer()
+    monkeypatch.setattr(trainer._objective, "evaluate", lambda *_: torch.ones(2) @ torch.ones(3))
+    with pytest.raises(RuntimeError, match="size"):
+        finish(trainer)
 
 
 @given(st.integers(0, 999), st.sampled_from(["constant", "cosine"]), st.floats(0, 5))

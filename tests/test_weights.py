@@ -91,6 +91,15 @@ def test_an_unknown_architecture_is_named(tmp_path):
         load_weights(tmp_path / "w.safetensors")
 
 
+@pytest.mark.parametrize("name", ["a,b", "a\nb", "a\x00"])
+def test_class_names_that_break_headers_of_clouds_are_refused(name, tmp_path):
+    description = {"architecture": "voxnet", "classes": [name, "c"]}
+    save_file({"a": torch.zeros(1)}, tmp_path / "w.safetensors", {"mcpseg": json.dumps(description)})
+    with pytest.raises(WeightsError, match=r"classes: .*a class named 'a.*expected up to 254 names") as error:
+        load_weights(tmp_path / "w.safetensors")
+    assert "\n" not in str(error.value)
+
+
 def test_bundled_weights_are_found_by_name_and_unknown_names_list_them():
     assert find_weights("mcpnet").name == "mcpnet.safetensors"
     with pytest.raises(WeightsError, match="mcpnet"):

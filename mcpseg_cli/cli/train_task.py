@@ -84,14 +84,15 @@ class TrainTask:
             stack.enter_context(joined(self.ranks, self.device))
             used = [area for area in areas if any(area in (*fold.training, *fold.validation) for fold, _ in folds)]
             prepared = self._prepare(used)
+            runs = [self._make_run(fold, files, prepared) for fold, files in folds]  # refuses what cannot be trained
             if self.options.overwrite and self.is_first:
                 for _, files in folds:
                     files.clear()
             self.ranks.wait()
             interrupt = stack.enter_context(Interrupt(is_patient=self.ranks.world > 1))
             records = []
-            for fold, files in folds:
-                records.append(self._train(fold, files, prepared, interrupt))
+            for run in runs:
+                records.append(self._train(run, interrupt))
                 if not records[-1]["complete"]:
                     break
         if self.is_first:
@@ -115,24 +116,26 @@ class TrainTask:
             self.ranks.wait()
         return prepared
 
-    def _train(
-        self, fold: Fold, files: TrainFiles, prepared: Mapping[Area, AreaSamples], interrupt: Interrupt
-    ) -> Mapping[str, JsonValue]:
-        """Train one fold; return its record."""
+    def _make_run(self, fold: Fold, files: TrainFiles, prepared: Mapping[Area, AreaSamples]) -> TrainRun:
+        """Check that a fold can be trained, and get it ready; nothing is changed."""
         request = TrainRequest(self.settings, self.data, fold, self.initial, self.options.command)
-        run = TrainRun(files, request, fold_data(fold, prepared, self.data, self.settings), self.device, self.ranks)
+        data = fold_data(fold, prepared, self.data, self.settings)
+        return TrainRun(files, request, data, self.device, self.ranks, anew=self.options.overwrite)
+
+    def _train(self, run: TrainRun, interrupt: Interrupt) -> Mapping[str, JsonValue]:
+        """Train one fold; return its record."""
         if run.record is not None:
-            notice(f"mcpseg: {files.path('safetensors')}: nothing to do: trained to the end", quiet=self.quiet)
+            notice(f"mcpseg: {run.files.path('safetensors')}: nothing to do: trained to the end", quiet=self.quiet)
             return run.record
         if run.new_classes:
             notice(f"mcpseg: classes that start afresh: {', '.join(run.new_classes)}", quiet=self.quiet)
         if run.has_resumed:
-            notice(f"mcpseg: {files.name}: continuing in epoch {len(run.trainer.curves) + 1}", quiet=self.quiet)
+            notice(f"mcpseg: {run.files.name}: continuing in epoch {len(run.trainer.curves) + 1}", quiet=self.quiet)
         with ExitStack() as stack:
             log = None
             if self.options.tensorboard is not None and self.is_first:
                 first = len(run.trainer.curves) + 1
-                log = stack.enter_context(TensorBoardLog(self.options.tensorboard / files.name, first))
+                log = stack.enter_context(TensorBoardLog(self.options.tensorboard / run.files.name, first))
             self._follow(run, log, interrupt)
         if self.is_first:
             return run.write_results(keep_checkpoint=self.options.keep_checkpoint)
@@ -165,6 +168,8 @@ class TrainTask:
             typer.echo(json.dumps(records[0] if len(records) == 1 else records))
             return
         for record in records:
+            if record["epochs"] == 0:  # no weights yet
+                continue
             print_table(_rows(record, files.folder))
         accuracies = [_score(record, "accuracy") for record in records]
         mious = [_score(record, "miou") for record in records]

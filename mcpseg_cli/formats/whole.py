@@ -6,6 +6,11 @@ from pathlib import Path
 from mcpseg_cli.errors import naming
 
 
+def printable(text: str) -> str:
+    r"""Write bytes of paths and arguments that are no UTF-8 as ``\xff``, so that the text can be encoded."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def write_whole(path: Path, text: str) -> None:
     """Write a text file; it appears under its name only when complete.
 

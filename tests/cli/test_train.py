@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from safetensors.torch import load_file
 from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
+from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.lock import exclusive
 from mcpseg_cli.recording import open_recording, read_scan
@@ -134,6 +136,17 @@ def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_
     assert (tmp_path / "mcpnet-holdout2.checkpoint").exists()
 
 
+def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypatch):
+    always = property(lambda _: True, lambda _, asked: None)
+    monkeypatch.setattr(Interrupt, "asked", always, raising=False)
+    result = invoke(*arguments(data, tmp_path, "--epochs", "2"))
+    assert result.exit_code == 130
+    assert "interrupted after 0 epochs; continue with: mcpseg" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mcpnet-holdout2.checkpoint"]
+    monkeypatch.undo()
+    assert invoke(*arguments(data, tmp_path, "--epochs", "2", "--resume", "-q")).exit_code == 0
+
+
 def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
     options = ("--epochs", "3", "--net", "pointnet", "-q")
     words = arguments(data, tmp_path / "two", *options)
@@ -167,6 +180,24 @@ def test_everything_can_be_trained_on(data, tmp_path):
     assert "nothing was held out" in (tmp_path / "mine.md").read_text()
 
 
+def test_paths_that_are_no_utf8_are_written_as_escapes(tmp_path):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xff"))
+    try:
+        write_area(folder / os.fsdecode(b"hall\xfe"), 3)
+    except OSError:
+        pytest.skip("this file system takes no such names")
+    output = folder / "out"
+    words = [os.fsencode(word) for word in (str(folder), "--holdout", "none", *SMALL, "-o", str(output))]
+    command = [sys.executable, "-m", "mcpseg_cli", "train", *words, "--name", b"a\xfd", "--epochs", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    assert result.returncode == 0, result.stderr
+    record = json.loads((output / os.fsdecode(b"a\xfd.json")).read_text())
+    assert "d\\xff" in record["command"]
+    assert "hall\\xfe" in (output / os.fsdecode(b"a\xfd.md")).read_text()
+    shutil.copy(output / os.fsdecode(b"a\xfd.safetensors"), tmp_path / "a.safetensors")  # safetensors reads UTF-8 only
+    assert load_weights(tmp_path / "a.safetensors").info.training["data"] == "hall\\xfe"
+
+
 def test_fine_tuning_for_other_classes(data, trained, tmp_path):
     table = tmp_path / "classes.csv"
     table.write_text("label,class\nfloor,ground\nwall,wall\n")
@@ -184,6 +215,32 @@ def test_what_is_there_is_not_overwritten_unasked(data, trained):
     result = invoke(*arguments(data, trained, "--epochs", "4"))
     assert result.exit_code == 1
     assert "mcpnet-holdout2.safetensors: is there; expected a new name" in result.stderr
+
+
+@pytest.mark.parametrize("what", ["another network", "another class table", "too few batches"])
+def test_what_is_there_stays_until_training_can_start(what, data, trained, tmp_path):
+    table = tmp_path / "classes.csv"
+    table.write_text("cow,cattle\nhorse,cattle\nsheep,flock\n")
+    options = {
+        "another network": ("--init", "voxnet"),
+        "another class table": ("--classes", table),
+        "too few batches": ("--batches-per-step", "99"),
+    }[what]
+    output = tmp_path / "out"
+    shutil.copytree(trained, output)
+    result = invoke(*arguments(data, output, "--overwrite", *options))
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    for path in trained.iterdir():
+        assert (output / path.name).read_bytes() == path.read_bytes()
+
+
+def test_overwriting_trains_anew(data, trained, tmp_path):
+    output = tmp_path / "out"
+    shutil.copytree(trained, output)
+    result = invoke(*arguments(data, output, "--overwrite", "--epochs", "1", "--lr", "0.5"))
+    assert result.exit_code == 0, result.stderr
+    assert json.loads((output / "mcpnet-holdout2.json").read_text())["epochs"] == 1
 
 
 def test_changed_settings_are_named_when_resuming(data, trained):
