@@ -12,6 +12,9 @@ def read_classes(path: Path) -> tuple[str, ...]:
     Args:
         path: The run.json of a run.
 
+    Returns:
+        The names; none for a method that tells objects only, whose points all have 255.
+
     Raises:
         InputError: Missing, or without a class table.
     """
@@ -23,6 +26,6 @@ def read_classes(path: Path) -> tuple[str, ...]:
     except ValueError as error:
         raise InputError(path, "not JSON", "the description of the run", remedy) from error
     classes = document.get("classes") if isinstance(document, dict) else None
-    if not isinstance(classes, list) or not classes or not all(isinstance(name, str) for name in classes):
+    if not isinstance(classes, list) or not all(isinstance(name, str) for name in classes):
         raise InputError(path, "no class table", "a list of names under 'classes'", remedy)
     return tuple(classes)

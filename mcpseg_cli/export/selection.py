@@ -42,7 +42,8 @@ class Selection:
         """
         unknown = [name for name in self.classes or () if name not in run.classes]
         if unknown:
-            raise InputError(run.folder, f"no class {', '.join(unknown)}", ", ".join(run.classes), "check --class")
+            known = ", ".join(run.classes) or "a map with classes"
+            raise InputError(run.folder, f"no class {', '.join(unknown)}", known, "check --class")
 
     def mask(self, part: MapPart, classes: Sequence[str]) -> NDArray[np.bool_]:
         """Mark the voxels chosen.

@@ -15,6 +15,14 @@ from mcpseg_cli.formats import read_cloud
 REPOSITORY = Path(__file__).parents[2]
 
 
+@pytest.fixture(scope="module")
+def grown_run(labelled_run, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("grown") / "out"
+    words = [labelled_run.scans, labelled_run.scans.parent / "poses.csv", "-o", out, "--method", "region-growing", "-q"]
+    assert CliRunner().invoke(app, ["segment", *map(str, words)]).exit_code == 0
+    return out
+
+
 def export(*arguments: object):
     return CliRunner().invoke(app, ["export", *map(str, arguments)])
 
@@ -48,6 +56,21 @@ def test_options_choose_and_colour(labelled_run, tmp_path):
     assert export(labelled_run.out, "-o", tmp_path / "some.json", *options).exit_code == 0
     chosen = json.loads((tmp_path / "some.json").read_text())
     assert chosen == [item for item in objects if item["class_name"] == largest["class_name"]]
+
+
+@pytest.mark.parametrize("ending", ["ply", "laz", "pcd", "npz", "h5", "e57", "json", "geojson", "png", "html", "rrd"])
+def test_a_map_without_classes_is_exported_too(ending, grown_run, tmp_path):
+    for name in {"e57": ("pye57",), "html": ("k3d",), "rrd": ("rerun",)}.get(ending, ()):
+        pytest.importorskip(name)
+    result = export(grown_run, "-o", tmp_path / f"map.{ending}")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert (tmp_path / f"map.{ending}").stat().st_size > 0
+
+
+def test_a_map_without_classes_has_none_to_choose(grown_run, tmp_path):
+    result = export(grown_run, "-o", tmp_path / "map.ply", "--class", "wall")
+    assert result.exit_code == 1
+    assert result.stderr == f"mcpseg: {grown_run}: no class wall; expected a map with classes; check --class\n"
 
 
 def test_folders_are_filled_with_scans_or_objects(labelled_run, tmp_path):
