@@ -15,8 +15,8 @@ import numpy as np
 
 from mcpseg_cli.config import OFFLINE_BLOCK, SampleSettings
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.offline import nearest_height, split_blocks
-from mcpseg_cli.replay import Replay
+from mcpseg_cli.incremental.offline import nearest_height, split_blocks
+from mcpseg_cli.train.replay import Replay
 
 _FEWEST = 50  # points of a column worth learning from
 

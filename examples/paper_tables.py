@@ -13,7 +13,7 @@ from statistics import mean
 import numpy as np
 
 from mcpseg_cli import __version__
-from mcpseg_cli.metrics import intersection_over_union
+from mcpseg_cli.evaluate.cluster_scores import intersection_over_union
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import sys
 from pathlib import Path
 
-from mcpseg_cli.recording import open_recording, read_scan
-from mcpseg_cli.segmenter import IncrementalSegmenter
+from mcpseg_cli.formats.recording import open_recording, read_scan
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 
 folder = Path(sys.argv[1])
 segmenter = IncrementalSegmenter.load("mcpnet")

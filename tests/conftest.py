@@ -11,10 +11,10 @@ import torch
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.recording import open_recording
-from mcpseg_cli.segment_run import RunOptions, SegmentRun
-from mcpseg_cli.segmenter import IncrementalSegmenter
-from mcpseg_cli.weights import WeightsInfo, build_network, load_weights, save_weights
+from mcpseg_cli.formats.recording import open_recording
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
+from mcpseg_cli.segment.run import RunOptions, SegmentRun
 
 
 class LabelledFolders(NamedTuple):

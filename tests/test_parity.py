@@ -6,8 +6,8 @@ import torch
 from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
-from mcpseg_cli.evaluation import evaluate_run
-from mcpseg_cli.tensor_bundle import import_checkpoint
+from mcpseg_cli.evaluate.run import evaluate_run
+from mcpseg_cli.networks.tensor_bundle import import_checkpoint
 
 _CHECKPOINTS = {
     "mcpnet_1": "mcpnet_model_s3dis_1",

@@ -10,7 +10,7 @@ import typer
 from mcpseg_cli.cli.options import Json, Quiet
 
 if TYPE_CHECKING:
-    from mcpseg_cli.evaluation import Scores
+    from mcpseg_cli.evaluate.run import Scores
 
 
 def evaluate(
@@ -67,7 +67,7 @@ def evaluate(
         raise typer.BadParameter("goes to stdout as --json does; choose one", param_hint="'--csv'")
     demands = parse_demands(fail_under or [])
     if plot:
-        from mcpseg_cli.score_plots import prepare_plots
+        from mcpseg_cli.evaluate.plots import prepare_plots
 
         prepare_plots(plot)
     runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
@@ -94,7 +94,7 @@ def _score_all(pairs: list[tuple[Path, Path]], *, quiet: bool) -> list[Scores]:
 def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bool) -> Scores:
     """Score one pair under a progress bar."""
     from mcpseg_cli.cli.display import progress_bar
-    from mcpseg_cli.evaluation import evaluate_run
+    from mcpseg_cli.evaluate.run import evaluate_run
 
     with progress_bar(f"read {output.name}", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
@@ -109,7 +109,7 @@ def _document(runs: list[Scores]) -> dict[str, object]:
     """Give the scores of one run, or of several with what they come to together."""
     if len(runs) == 1:
         return runs[0].document()
-    from mcpseg_cli.several_runs import average, pool
+    from mcpseg_cli.evaluate.pooled import average, pool
 
     documents = [run.document() for run in runs]
     return {"runs": documents, "pooled": pool(runs), "mean": average(documents)}
@@ -131,7 +131,7 @@ def _print(runs: list[Scores], document: dict[str, object], *, as_json: bool, as
 
 def _draw(folder: Path, runs: list[Scores]) -> None:
     """Draw the pictures: of several runs, the sum of the confusion matrices and a curve for each."""
-    from mcpseg_cli.score_plots import plot_class_iou, plot_confusion, plot_over_scans
+    from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans
 
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
     plot_confusion(folder / "confusion_matrix.png", confusion, runs[0].classes, runs[0].unit)

@@ -16,9 +16,9 @@ from mcpseg_cli.errors import OutputError
 
 if TYPE_CHECKING:
     from mcpseg_cli.export.colours import ColourBy
-    from mcpseg_cli.export.labelled_run import LabelledRun
     from mcpseg_cli.export.selection import Selection
     from mcpseg_cli.export.views import PictureSettings
+    from mcpseg_cli.segment.labelled_run import LabelledRun
 
 
 def export(
@@ -120,7 +120,7 @@ Advance = Callable[[str, int, int], None]
 
 def _export_run(folder: Path, outputs: list[Path], request: _Request, advance: Advance) -> None:
     """Write everything from one moment of the run, and say what."""
-    from mcpseg_cli.export.labelled_run import LabelledRun
+    from mcpseg_cli.segment.labelled_run import LabelledRun
 
     with LabelledRun(folder) as run:
         for output in outputs:
@@ -139,7 +139,7 @@ def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:
 
         return f"{write_map(run, output, request.selection, request.colour_by):,} points"
     if suffix in OBJECTS:
-        from mcpseg_cli.export.objects import write_objects
+        from mcpseg_cli.export.object_list import write_objects
 
         return f"{write_objects(run, output, request.selection):,} objects"
     if suffix == ".html":
@@ -167,7 +167,7 @@ def _draw(run: LabelledRun, output: Path, request: _Request) -> str:
 def _fill_folder(run: LabelledRun, output: Path, request: _Request, advance: Advance) -> str:
     """Write the relabelled scans, or a cloud for each object."""
     if request.scans is None:
-        from mcpseg_cli.export.objects import write_object_clouds
+        from mcpseg_cli.export.object_list import write_object_clouds
 
         suffix = f".{request.split}"
         return f"{write_object_clouds(run, output, suffix, request.selection, request.colour_by):,} clouds"
@@ -182,7 +182,7 @@ def _fill_folder(run: LabelledRun, output: Path, request: _Request, advance: Adv
 def _export_weights(name: str, output: Path) -> str:
     """Write weights as ONNX; say how close they are."""
     from mcpseg_cli.export.onnx import write_onnx
-    from mcpseg_cli.weights import find_weights, load_weights
+    from mcpseg_cli.networks.weights import find_weights, load_weights
 
     weights = load_weights(find_weights(name))
     return f"{weights.info.architecture}, differs from PyTorch by {write_onnx(weights, output):.1g}"

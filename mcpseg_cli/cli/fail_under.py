@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import typer
 
 from mcpseg_cli.errors import BelowThresholdError
-from mcpseg_cli.figures import bounded_figures
+from mcpseg_cli.evaluate.dotted_names import bounded_figures
 
 _HINT = "'--fail-under'"
 _PARTS = ("pooled.", "mean.")

@@ -23,8 +23,8 @@ def import_weights(
       mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors
     """
     from mcpseg_cli.errors import OutputError
-    from mcpseg_cli.tensor_bundle import import_checkpoint
-    from mcpseg_cli.weights import save_weights
+    from mcpseg_cli.networks.tensor_bundle import import_checkpoint
+    from mcpseg_cli.networks.weights import save_weights
 
     if output.suffix != ".safetensors":
         raise typer.BadParameter(f"{output}: weights files end in .safetensors")

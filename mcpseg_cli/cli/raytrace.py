@@ -171,7 +171,7 @@ class _Task:
         """Trace one area; return what there is to say about it."""
         from mcpseg_cli.lock import exclusive
         from mcpseg_cli.raytrace.drive import find_waypoints
-        from mcpseg_cli.raytrace.plot import plot_route
+        from mcpseg_cli.raytrace.route_plot import plot_route
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 
         started = perf_counter()

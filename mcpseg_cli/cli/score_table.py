@@ -14,8 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mcpseg_cli.cli.score_sections import SECTIONS
-from mcpseg_cli.evaluation import Scores
-from mcpseg_cli.figures import Figure, flatten
+from mcpseg_cli.evaluate.dotted_names import Figure, flatten
+from mcpseg_cli.evaluate.run import Scores
 
 Column = tuple[str, Mapping[str, Figure]]
 """A title and figures by dotted name."""

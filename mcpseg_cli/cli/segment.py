@@ -32,8 +32,8 @@ from mcpseg_cli.cli.options import (
 if TYPE_CHECKING:
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
-    from mcpseg_cli.segment_run import ScanReport, SegmentRun
-    from mcpseg_cli.segmenter import IncrementalSegmenter
+    from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+    from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
 
 def segment(
@@ -115,20 +115,20 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     from mcpseg_cli.cli.display import notice
-    from mcpseg_cli.recording import open_recording
+    from mcpseg_cli.formats.recording import open_recording
 
     settings = _settings(voxel_size, local_range, similarity, floor, seed)
     recording = open_recording(scans, poses, frame.value)
 
     import numpy as np
 
-    from mcpseg_cli.device import find_device
-    from mcpseg_cli.methods import open_method
-    from mcpseg_cli.offline_run import OfflineRun
-    from mcpseg_cli.run_folder import check_folders, clear_run
-    from mcpseg_cli.segment_run import RunOptions, SegmentRun
-    from mcpseg_cli.segmenter import IncrementalSegmenter
-    from mcpseg_cli.weights import Weights
+    from mcpseg_cli.incremental.methods import open_method
+    from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+    from mcpseg_cli.networks.device import find_device
+    from mcpseg_cli.networks.weights import Weights
+    from mcpseg_cli.segment.folder import check_folders, clear_run
+    from mcpseg_cli.segment.offline_run import OfflineRun
+    from mcpseg_cli.segment.run import RunOptions, SegmentRun
 
     check_folders(recording, output)
     find_device(device)

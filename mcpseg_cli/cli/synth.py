@@ -55,7 +55,7 @@ def synth(
 
     from mcpseg_cli.cli.display import print_table, progress_bar
     from mcpseg_cli.lock import exclusive
-    from mcpseg_cli.synthetic.writing import SynthRequest, write_area
+    from mcpseg_cli.synth.run import SynthRequest, write_area
 
     started = perf_counter()
     number = _number_of(area)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
 
     from mcpseg_cli.config import AugmentSettings
-    from mcpseg_cli.ranks import Ranks
-    from mcpseg_cli.weights import Weights
+    from mcpseg_cli.networks.weights import Weights
+    from mcpseg_cli.train.ranks import Ranks
 
 
 class NetChoice(StrEnum):
@@ -163,7 +163,7 @@ def train(
     from pydantic import ValidationError
 
     from mcpseg_cli.config import TrainSettings
-    from mcpseg_cli.folds import find_areas, make_folds
+    from mcpseg_cli.train.folds import find_areas, make_folds
 
     if resume and overwrite:
         raise typer.BadParameter("--resume and --overwrite exclude each other")
@@ -187,9 +187,9 @@ def train(
 
     from mcpseg_cli.cli.train_task import TaskOptions, TrainTask
     from mcpseg_cli.config import SampleSettings
-    from mcpseg_cli.device import use_threads
-    from mcpseg_cli.train_data import DataSettings
-    from mcpseg_cli.train_run import TrainFiles, network_batch_size
+    from mcpseg_cli.networks.device import use_threads
+    from mcpseg_cli.train.fold_data import DataSettings
+    from mcpseg_cli.train.run import TrainFiles, network_batch_size
 
     if jobs is not None:
         use_threads(jobs)
@@ -227,7 +227,7 @@ _OPTIONS = {
 
 def _class_table(path: Path | None) -> dict[str, str] | None:
     """Read the class table."""
-    from mcpseg_cli.folds import read_class_table
+    from mcpseg_cli.train.folds import read_class_table
 
     return None if path is None else read_class_table(path)
 
@@ -253,14 +253,14 @@ def _augmentation(what: str) -> AugmentSettings:
 
 def _initial(name: str | None) -> Weights | None:
     """Load the weights to start from."""
-    from mcpseg_cli.weights import find_weights, load_weights
+    from mcpseg_cli.networks.weights import find_weights, load_weights
 
     return None if name is None else load_weights(find_weights(name))
 
 
 def _ranks() -> Ranks:
     """Read from torchrun's environment which of the processes this is."""
-    from mcpseg_cli.ranks import Ranks
+    from mcpseg_cli.train.ranks import Ranks
 
     rank, world = (int(os.environ.get(variable, default)) for variable, default in (("RANK", 0), ("WORLD_SIZE", 1)))
     return Ranks(rank, world, int(os.environ.get("LOCAL_RANK", rank)))

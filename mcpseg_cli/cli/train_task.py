@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from mcpseg_cli.checkpoint import EpochReport
 from mcpseg_cli.cli.display import notice, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import TrainSettings
-from mcpseg_cli.device import find_device
-from mcpseg_cli.folds import Area, Fold
 from mcpseg_cli.lock import exclusive
-from mcpseg_cli.ranks import Ranks, joined
-from mcpseg_cli.samples import AreaSamples
-from mcpseg_cli.tensorboard_log import TensorBoardLog
-from mcpseg_cli.train_data import DataSettings, fold_data, prepare
-from mcpseg_cli.train_run import TrainFiles, TrainRequest, TrainRun
-from mcpseg_cli.training import Progress
-from mcpseg_cli.weights import Weights
+from mcpseg_cli.networks.device import find_device
+from mcpseg_cli.networks.weights import Weights
+from mcpseg_cli.train.batches import AreaSamples
+from mcpseg_cli.train.checkpoint import EpochReport
+from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
+from mcpseg_cli.train.folds import Area, Fold
+from mcpseg_cli.train.ranks import Ranks, joined
+from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
+from mcpseg_cli.train.tensorboard_log import TensorBoardLog
+from mcpseg_cli.train.trainer import Progress
 
 if TYPE_CHECKING:
     from pydantic import JsonValue

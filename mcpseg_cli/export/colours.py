@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
+from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")

@@ -28,9 +28,9 @@ from mcpseg_cli.export.colours import (
     confidence_colours,
     instance_colours,
 )
-from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats.whole import write_whole
+from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _STEPS = 65_535  # positions are kept as 16-bit steps of the longest side: 1.5 mm for 100 m
 _HIDDEN_AT_FIRST = ("ceiling",)  # else nothing of an indoor map is seen from above

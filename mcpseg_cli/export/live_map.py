@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream
-from mcpseg_cli.state import MapRows, ScanRecord
+from mcpseg_cli.segment.checkpoint import MapRows, ScanRecord
 
 SPAWN = "spawn"
 _ANSWER_S = 5.0  # a viewer that is there takes what it is told within this time

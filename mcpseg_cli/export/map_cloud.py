@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.export.colours import ColourBy, colouring
-from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import Cloud, write_parts
+from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _COLOURS = ("red", "green", "blue")
 _SCALAR = "scalar_"  # CloudCompare loads PLY properties of this prefix as scalar fields, others only when asked to

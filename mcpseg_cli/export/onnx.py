@@ -16,7 +16,7 @@ from mcpseg_cli import __version__
 from mcpseg_cli.config import NUM_FEATURES
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.weights import Weights
+from mcpseg_cli.networks.weights import Weights
 
 if TYPE_CHECKING:
     import onnx

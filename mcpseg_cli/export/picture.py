@@ -11,11 +11,11 @@ from PIL import Image, ImageDraw
 
 from mcpseg_cli.errors import naming
 from mcpseg_cli.export.colours import colouring
-from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
 from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings, View
+from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _SIZE, _TURNTABLE_SIZE = 1600, 640  # longest side without the legend, pixels
 _OVERSIZE = 2  # pixels drawn for each that is kept, in both directions

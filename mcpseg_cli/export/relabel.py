@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.export.labelled_run import LabelledRun
 from mcpseg_cli.formats import write_cloud
 from mcpseg_cli.formats.cloud import Labels
-from mcpseg_cli.recording import ScanFile, read_scan
-from mcpseg_cli.state import ScanRecord
-from mcpseg_cli.voxel_map import VoxelMap
+from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.segment.checkpoint import ScanRecord
+from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _UNKNOWN = Labels(np.array([255], np.uint8), np.zeros(1, np.int32), np.zeros(1, np.float32))
 

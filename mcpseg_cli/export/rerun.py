@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.colours import ColourBy, class_palette, colouring
-from mcpseg_cli.export.labelled_run import LabelledRun
 from mcpseg_cli.export.selection import Selection
+from mcpseg_cli.segment.labelled_run import LabelledRun
 
 if TYPE_CHECKING:
     from rerun import AnyValues, RecordingStream

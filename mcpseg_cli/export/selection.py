@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.export.labelled_run import LabelledRun, MapPart
-from mcpseg_cli.objects import MapObject
+from mcpseg_cli.incremental.objects import MapObject
+from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 
 @dataclass(frozen=True)

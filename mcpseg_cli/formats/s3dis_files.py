@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.s3dis_text import BadLine, Lines, read_lines
-from mcpseg_cli.natural_order import natural_key
 
 ANNOTATIONS = "Annotations"
 _LAYOUT = "an S3DIS area: Area_1/office_1/Annotations/chair_1.txt"

@@ -21,9 +21,9 @@ from mcpseg_cli.formats.buildings import read_building
 from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares
 from mcpseg_cli.raytrace.floor_plan import build_floor_plan
 from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
-from mcpseg_cli.raytrace.plot import plot_route
 from mcpseg_cli.raytrace.rays import ScanPattern, cast_rays
 from mcpseg_cli.raytrace.route import plan_route
+from mcpseg_cli.raytrace.route_plot import plot_route
 
 SENSOR_HEIGHT = 1.0
 

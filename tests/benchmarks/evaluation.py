@@ -17,9 +17,9 @@ from time import perf_counter
 import numpy as np
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.evaluation import evaluate_run
+from mcpseg_cli.evaluate.cluster_scores import adjusted_mutual_information, contingency
+from mcpseg_cli.evaluate.run import evaluate_run
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.metrics import adjusted_mutual_information, contingency
 
 POINTS, TRUE_OBJECTS, PRED_OBJECTS, ROOMS = 753_048, 2_227, 73_038, 68
 

@@ -20,9 +20,9 @@ from time import perf_counter
 import numpy as np
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.clustering import quantise
 from mcpseg_cli.config import EMBEDDING, SegmentSettings
-from mcpseg_cli.state import MapRows, ScanRecord, State
+from mcpseg_cli.incremental.clustering import quantise
+from mcpseg_cli.segment.checkpoint import MapRows, ScanRecord, State
 
 PER_SCAN = 1000
 STEP = 0.6

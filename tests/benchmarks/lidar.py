@@ -16,10 +16,10 @@ import numpy as np
 
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.recording import ScanFile
-from mcpseg_cli.segment_run import RunOptions, SegmentRun
-from mcpseg_cli.segmenter import IncrementalSegmenter
-from mcpseg_cli.weights import find_weights, load_weights
+from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.weights import find_weights, load_weights
+from mcpseg_cli.segment.run import RunOptions, SegmentRun
 
 NUM_SWEEPS = 100
 BEAMS, COLUMNS = 64, 2032  # 130,048 points a sweep

@@ -17,7 +17,7 @@ from time import perf_counter
 from playwright.sync_api import sync_playwright
 
 from tests.benchmarks.export import make_run
-from tests.test_export_browser import CHROMIUM, SOFTWARE_GL
+from tests.export.test_browser import CHROMIUM, SOFTWARE_GL
 
 STEP = """async share => {
     const slider = document.getElementById("scan"), frame = () => new Promise(requestAnimationFrame);

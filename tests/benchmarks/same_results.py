@@ -24,7 +24,7 @@ import hashlib, sys
 try:
     from mcpseg_cli.synth import make_building
 except ModuleNotFoundError:  # where it was before 0.2
-    from mcpseg_cli.synthetic import make_building
+    from mcpseg_cli.synth import make_building
 building = make_building(int(sys.argv[1]), seed=1, num_rooms=5)
 arrays = (building.xyz, building.rgb, building.semantic, building.instance, building.room_starts)
 digest = hashlib.sha256("\\n".join([*building.rooms, *building.object_names]).encode())

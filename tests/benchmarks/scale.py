@@ -18,11 +18,11 @@ import numpy as np
 
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats import Cloud, write_cloud
-from mcpseg_cli.objects import list_objects
-from mcpseg_cli.recording import ScanFile
-from mcpseg_cli.segment_run import RunOptions, SegmentRun
-from mcpseg_cli.segmenter import IncrementalSegmenter
-from mcpseg_cli.weights import Weights, find_weights, load_weights
+from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.incremental.objects import list_objects
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.weights import Weights, find_weights, load_weights
+from mcpseg_cli.segment.run import RunOptions, SegmentRun
 
 STEP = 1.0  # metres between scans
 RANGE = 4.0

@@ -19,12 +19,12 @@ import torch
 
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.poses import read_poses
-from mcpseg_cli.labelling import _one_thread_per_operation
-from mcpseg_cli.recording import open_recording, read_scan
-from mcpseg_cli.segment_run import RunOptions, SegmentRun
-from mcpseg_cli.segmenter import IncrementalSegmenter
-from mcpseg_cli.tensor_bundle import import_checkpoint
-from mcpseg_cli.weights import Weights, load_weights, save_weights
+from mcpseg_cli.formats.recording import open_recording, read_scan
+from mcpseg_cli.incremental.classification import _one_thread_per_operation
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.tensor_bundle import import_checkpoint
+from mcpseg_cli.networks.weights import Weights, load_weights, save_weights
+from mcpseg_cli.segment.run import RunOptions, SegmentRun
 
 
 def run_building(

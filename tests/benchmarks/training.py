@@ -16,7 +16,7 @@ import torch
 
 from mcpseg_cli.config import BATCH, NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.mcpnet import MCPNet
-from mcpseg_cli.objective import Objective, Tally, TensorBatch
+from mcpseg_cli.train.objective import Objective, Tally, TensorBatch
 
 NUM_CLASSES = 13
 

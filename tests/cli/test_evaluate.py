@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
-from tests.test_evaluation import write_pair
+from tests.evaluate.test_run import write_pair
 
 
 def invoke(*arguments: object):
@@ -208,7 +208,7 @@ def test_a_terminal_gets_tables(pair, monkeypatch):
 
 
 def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(make_recording, tmp_path, weights_path):
-    from mcpseg_cli.state import State
+    from mcpseg_cli.segment.checkpoint import State
 
     scans, poses = make_recording(tmp_path / "input")
     invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "--frame", "sensor", "-q")

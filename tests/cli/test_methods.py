@@ -70,7 +70,7 @@ def test_a_network_without_bundled_weights_says_how_to_get_some(recording, tmp_p
     def find_nothing(name):
         raise WeightsError(name, "no such weights", "others", "check the name")
 
-    monkeypatch.setattr("mcpseg_cli.methods.find_weights", find_nothing)
+    monkeypatch.setattr("mcpseg_cli.incremental.methods.find_weights", find_nothing)
     result = segment(recording, tmp_path / "out", "--method", "voxnet")
     assert result.exit_code == 1
     assert "mcpseg train --net voxnet" in result.stderr

@@ -203,7 +203,7 @@ def test_real_recordings_are_labelled_alike_from_csv_and_tum_poses(shared_folder
 def test_laser_scans_in_the_sensor_frame_land_on_top_of_each_other(shared_folder, tmp_path):
     from scipy.spatial import KDTree
 
-    from mcpseg_cli.recording import open_recording, read_scan
+    from mcpseg_cli.formats.recording import open_recording, read_scan
 
     laser = shared_folder / "real/laser_sensor_frame"
     recording = open_recording(laser / "scans", laser / "poses_kitti.txt")
@@ -227,7 +227,7 @@ def test_the_robot_loop_of_the_examples_runs(tmp_path):
 
 
 def test_the_python_of_the_readme_runs(make_recording, tmp_path):
-    from mcpseg_cli.recording import open_recording, read_scan
+    from mcpseg_cli.formats.recording import open_recording, read_scan
 
     scans = [read_scan(source, "map", 0.1)[0] for source in open_recording(*make_recording(tmp_path / "input"))]
     code = re.search(

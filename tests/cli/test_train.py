@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 from mcpseg_cli.cli import app
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.formats.recording import open_recording, read_scan
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.lock import exclusive
-from mcpseg_cli.recording import open_recording, read_scan
-from mcpseg_cli.segmenter import IncrementalSegmenter
-from mcpseg_cli.weights import load_weights
+from mcpseg_cli.networks.weights import load_weights
 from tests.areas import CLASSES, write_area
 
 SMALL = ("--batch-size", "64", "--context", "8", "--seed", "3")

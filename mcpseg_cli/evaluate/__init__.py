@@ -1,0 +1,1 @@
+"""Scores of labelled maps (IV-A, IV-B)."""

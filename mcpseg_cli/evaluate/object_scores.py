@@ -1,0 +1,172 @@
+"""The figures of clusters and objects that ``mcpseg eval`` prints, under the names the field uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.evaluate.average_precision import MIN_POINTS, average_precision
+from mcpseg_cli.evaluate.cluster_scores import (
+    adjusted_mutual_information,
+    adjusted_rand_index,
+    contingency,
+    information_scores,
+    v_measure,
+)
+from mcpseg_cli.evaluate.overlaps import Overlaps
+from mcpseg_cli.evaluate.panoptic import coverage, object_accuracy, panoptic_quality, precision_50
+
+STUFF = ("ceiling", "floor", "wall")
+"""Classes that are no things where panoptic quality is said to be with stuff."""
+
+
+@dataclass(frozen=True)
+class ClusterScores:
+    """Agreement of objects as clusters, classes ignored, on the points of true objects.
+
+    Attributes:
+        objects_true: True objects that have scored points.
+        objects_pred: Predicted objects that have scored points.
+        cluster_ratio: Predicted objects for each true one.
+        nmi: Normalised mutual information, arithmetic mean.
+        ami: Adjusted mutual information, arithmetic mean.
+        ari: Adjusted Rand index.
+        homogeneity: 1 if no predicted object spans true ones.
+        completeness: 1 if no true object is in pieces.
+        v_measure: Harmonic mean of the two.
+    """
+
+    objects_true: int
+    objects_pred: int
+    cluster_ratio: float
+    nmi: float
+    ami: float
+    ari: float
+    homogeneity: float
+    completeness: float
+    v_measure: float
+
+
+@dataclass(frozen=True)
+class ObjectScores:
+    """Agreement of objects with a class.
+
+    Attributes:
+        object_accuracy: Share of true objects found, as the MCPNet authors count (IV).
+        precision_50: Share of predicted objects that are right.
+        pq: Panoptic quality, every class one of things.
+        sq: Segmentation quality, the same.
+        rq: Recognition quality, the same.
+        pq_with_stuff: Panoptic quality with ceiling, floor and wall as stuff.
+        sq_with_stuff: Segmentation quality, the same.
+        rq_with_stuff: Recognition quality, the same.
+        pq_things: Mean over the classes of things of ``pq_with_stuff``.
+        pq_stuff: Mean over the classes of stuff of ``pq_with_stuff``.
+        pq_dagger: ``pq_with_stuff`` without a threshold for stuff.
+        ap: Average precision over IoU 0.50 to 0.90.
+        ap50: At IoU 0.5.
+        ap25: At IoU 0.25.
+        ap_agnostic: AP with classes ignored, truth's and prediction's.
+        ap50_agnostic: The same at IoU 0.5.
+        ap25_agnostic: The same at IoU 0.25.
+        ap_min_points: Smallest object these six count.
+        mcov: Mean coverage.
+        mwcov: Mean coverage, objects weighted by size.
+        mprec: Mean class precision at IoU 0.5.
+        mrec: Mean class recall at IoU 0.5.
+    """
+
+    object_accuracy: float
+    precision_50: float
+    pq: float
+    sq: float
+    rq: float
+    pq_with_stuff: float
+    sq_with_stuff: float
+    rq_with_stuff: float
+    pq_things: float
+    pq_stuff: float
+    pq_dagger: float
+    ap: float
+    ap50: float
+    ap25: float
+    ap_agnostic: float
+    ap50_agnostic: float
+    ap25_agnostic: float
+    ap_min_points: int
+    mcov: float
+    mwcov: float
+    mprec: float
+    mrec: float
+
+
+def score_clusters(labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]) -> ClusterScores:
+    """Compare clusterings of the same points; every score is 0 without points.
+
+    Args:
+        labels_true: (N,) true object ids, all above 0.
+        labels_pred: (N,) predicted object ids; points of 0, no object, are one cluster that is not counted.
+
+    Returns:
+        The scores.
+    """
+    if len(labels_true) == 0:
+        return ClusterScores(0, 0, *[0.0] * 7)
+    table = contingency(labels_true, labels_pred)
+    nmi, homogeneity, completeness = information_scores(table)
+    objects_pred = table.shape[1] - int(labels_pred.min() <= 0)
+    return ClusterScores(
+        objects_true=table.shape[0],
+        objects_pred=objects_pred,
+        cluster_ratio=objects_pred / table.shape[0],
+        nmi=nmi,
+        ami=adjusted_mutual_information(table),
+        ari=adjusted_rand_index(table),
+        homogeneity=homogeneity,
+        completeness=completeness,
+        v_measure=v_measure(homogeneity, completeness),
+    )
+
+
+def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
+    """Compare objects with a class.
+
+    Args:
+        overlaps: From ``find_overlaps``.
+        classes: Class names; those of ``STUFF`` are found by name.
+
+    Returns:
+        The scores; all 0 without true objects.
+    """
+    stuff = tuple(index for index, name in enumerate(classes) if name in STUFF)
+    things = panoptic_quality(overlaps)
+    both = panoptic_quality(overlaps, stuff=stuff)
+    is_stuff = np.isin(np.arange(len(classes)), stuff)
+    precision, covered = average_precision(overlaps), coverage(overlaps)
+    agnostic = average_precision(overlaps.without_classes())
+    return ObjectScores(
+        object_accuracy=object_accuracy(overlaps),
+        precision_50=precision_50(overlaps),
+        pq=things.pq,
+        sq=things.sq,
+        rq=things.rq,
+        pq_with_stuff=both.pq,
+        sq_with_stuff=both.sq,
+        rq_with_stuff=both.rq,
+        pq_things=both.mean_of(~is_stuff),
+        pq_stuff=both.mean_of(is_stuff),
+        pq_dagger=both.pq_dagger,
+        ap=precision.ap,
+        ap50=precision.ap50,
+        ap25=precision.ap25,
+        ap_agnostic=agnostic.ap,
+        ap50_agnostic=agnostic.ap50,
+        ap25_agnostic=agnostic.ap25,
+        ap_min_points=MIN_POINTS,
+        mcov=covered.mcov,
+        mwcov=covered.mwcov,
+        mprec=covered.mprec,
+        mrec=covered.mrec,
+    )

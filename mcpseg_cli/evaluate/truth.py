@@ -1,0 +1,150 @@
+"""Ground truth, part by part: a folder of labelled scans, one cloud, or a building with its rooms."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.building import Building
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud
+from mcpseg_cli.formats.buildings import HDF5_SUFFIXES, read_building
+from mcpseg_cli.formats.labels import check_classes, class_column, object_column
+from mcpseg_cli.formats.recording import list_clouds
+from mcpseg_cli.formats.s3dis import Progress
+
+NO_ROOM = -1
+_SLICE = 1 << 20  # points of a building that make a part
+
+
+@dataclass(frozen=True)
+class TruthPart:
+    """Some true points.
+
+    Attributes:
+        source: The file they come from.
+        xyz: (N, 3) float32 or float64, metres, map frame.
+        semantic: (N,) uint8 index into ``classes``, 255 unknown.
+        instance: (N,) int32 object id, 0 none; of one object in all parts.
+        room: (N,) int32 number of the room, -1 for none.
+        classes: Class names; empty when the file does not say.
+    """
+
+    source: Path
+    xyz: NDArray[np.floating]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    room: NDArray[np.int32]
+    classes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Ground truth that is read a part at a time; see ``open_truth``.
+
+    Attributes:
+        source: What the user named.
+        rooms: Names of rooms; empty when they are not known.
+        notices: Lines the user should know.
+        paths: Clouds to read; empty for a building.
+        building: The building, if it is one.
+        room_of_object: (highest id + 1,) int32 room of each object in the clouds, -1 for none.
+    """
+
+    source: Path
+    rooms: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
+    paths: tuple[Path, ...] = ()
+    building: Building | None = None
+    room_of_object: NDArray[np.int32] | None = None
+
+    def __len__(self) -> int:
+        """Return how many parts there are."""
+        return len(self.paths) if self.building is None else -(-len(self.building) // _SLICE)
+
+    def parts(self) -> Iterator[TruthPart]:
+        """Iterate over the parts, one in memory at a time (a building is there as a whole).
+
+        Raises:
+            InputError: A cloud is damaged, has no labels, or classes beyond its table.
+        """
+        if self.building is not None:
+            yield from _slices(self.source, self.building)
+        for path in self.paths:
+            cloud = read_cloud(path)
+            semantic, instance = class_column(cloud, path), object_column(cloud, path)
+            if cloud.classes:
+                check_classes(semantic, cloud.classes, path)
+            room = _look_up(self.room_of_object, instance)
+            yield TruthPart(path, cloud.xyz, semantic, instance, room, cloud.classes)
+
+
+def open_truth(path: Path, progress: Progress | None = None) -> Truth:
+    """Find out what ground truth is and which rooms it names; clouds are not read yet.
+
+    Args:
+        path: A folder of labelled clouds (with ``raytrace.json`` beside it, the rooms are known), one labelled cloud,
+            an HDF5 building, or an area or room in the S3DIS layout.
+        progress: Told how far reading S3DIS text has come.
+
+    Raises:
+        InputError: Nothing there, or none of these.
+        OSError: It cannot be read.
+    """
+    if not path.exists():
+        raise InputError(path, "no such file or folder", "ground truth", "check the path")
+    if path.is_dir() and not any(path.iterdir()):
+        raise InputError(path, "an empty folder", "labelled clouds or an S3DIS area", "check the path")
+    if (path / "raytrace.json").is_file():
+        raise InputError(path, "a recording", "its ground truth", f"name {path / 'gt'}")
+    if path.is_dir() and _has_clouds(path):
+        rooms, room_of_object = _rooms_of_recording(path.absolute().parent / "raytrace.json")
+        return Truth(path, rooms, paths=tuple(list_clouds(path)), room_of_object=room_of_object)
+    if path.is_dir() or path.suffix.lower() in HDF5_SUFFIXES:
+        building, notices = read_building(path, progress=progress)
+        return Truth(path, building.rooms, notices, building=building)
+    return Truth(path, paths=(path,))
+
+
+def _has_clouds(folder: Path) -> bool:
+    """Tell whether clouds lie in a folder itself."""
+    return any(path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "." for path in folder.iterdir())
+
+
+def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32] | None]:
+    """Read from raytrace.json, if there is one, which room each object is in."""
+    if not record.is_file():
+        return (), None
+    try:
+        objects = {int(item["id"]): str(item["name"]) for item in json.loads(record.read_text()).get("objects", [])}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(record, "no list of objects", "a record of mcpseg raytrace", "run it again") from error
+    names = {number: name.rpartition("/")[0] for number, name in objects.items() if number > 0 and "/" in name}
+    rooms = tuple(dict.fromkeys(names.values()))
+    if not rooms:
+        return (), None
+    room_of_object = np.full(max(names) + 1, NO_ROOM, np.int32)
+    room_of_object[list(names)] = [rooms.index(name) for name in names.values()]
+    return rooms, room_of_object
+
+
+def _look_up(room_of_object: NDArray[np.int32] | None, instance: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the (N,) room of each point's object."""
+    if room_of_object is None:
+        return np.full(len(instance), NO_ROOM, np.int32)
+    known = instance < len(room_of_object)
+    return np.where(known, room_of_object[np.where(known, instance, 0)], np.int32(NO_ROOM))
+
+
+def _slices(source: Path, building: Building) -> Iterator[TruthPart]:
+    """Cut a building into parts."""
+    room = building.room_of() if building.rooms else np.full(len(building), NO_ROOM, np.int32)
+    for start in range(0, len(building), _SLICE):
+        part = slice(start, start + _SLICE)
+        labels = building.semantic[part], building.instance[part], room[part]
+        yield TruthPart(source, building.xyz[part], *labels, building.classes)

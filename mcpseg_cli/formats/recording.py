@@ -1,0 +1,144 @@
+"""A recording: a folder of scans in natural order, paired with their poses and read one at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.config import Frame
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats.natural_order import natural_key
+from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.grid import MAX_VOXEL
+from mcpseg_cli.scan import Scan, to_map_frame
+
+MAX_COORDINATE = 65536.0
+"""Metres from the origin at which float32 resolves no finer than 4 mm; farther is refused."""
+
+
+@dataclass(frozen=True)
+class ScanFile:
+    """One scan of a recording: its file and the pose it was taken from, (4, 4) float64, sensor to map."""
+
+    path: Path
+    pose: NDArray[np.float64]
+
+
+def list_clouds(directory: Path) -> list[Path]:
+    """List the cloud files of a folder in natural order (``scan_2`` before ``scan_10``); other files are passed over.
+
+    Args:
+        directory: The folder; its subfolders are not searched.
+
+    Raises:
+        InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their ending.
+    """
+    if not directory.is_dir():
+        found = "a file" if directory.exists() else "no such folder"
+        raise InputError(directory, found, "a folder of scans", "check the path")
+    files = [path for path in directory.iterdir() if path.name[0] != "." and path.is_file()]
+    paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
+    if not paths:
+        raise InputError(directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path")
+    paths.sort(key=lambda path: natural_key(path.name))
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if any("\ud800" <= letter <= "\udfff" for letter in path.name):
+            raise InputError(directory, f"a scan called {path.name!r}", "a name in UTF-8", "rename it")
+        if path.stem in seen:
+            raise InputError(
+                directory,
+                f"{seen[path.stem].name} and {path.name} have the same scan name",
+                "one file a scan",
+                "rename or remove one",
+            )
+        seen[path.stem] = path
+    return paths
+
+
+def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> list[ScanFile]:
+    """Pair the scans of a folder with their poses; nothing but names and poses is read yet.
+
+    Args:
+        directory: Folder of scans.
+        poses_path: Pose file; rows pair with scans by its ``scan`` column (with or without ending), else by order.
+        frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an orientation.
+
+    Returns:
+        The scans in natural order.
+
+    Raises:
+        InputError: Names the scan without a pose, the pose without a scan, the two counts, or a position too far out.
+    """
+    paths = list_clouds(directory)
+    table = read_poses(poses_path)
+    if frame == "sensor" and not table.has_rotation:
+        raise InputError(
+            poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+        )
+    farthest = np.abs(table.poses[:, :3, 3]).max()
+    if farthest >= MAX_COORDINATE:
+        remedy = "subtract a common offset from scans and poses, or convert millimetres to metres"
+        raise InputError(poses_path, f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m", remedy)
+    if table.scans is None:
+        if len(table) != len(paths):
+            raise InputError(
+                poses_path,
+                f"{len(table):,} poses for {len(paths):,} scans in {directory}",
+                "as many",
+                "add a scan column or the missing rows",
+            )
+        return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
+    return _pair_by_name(poses_path, paths, table, table.scans)
+
+
+def _pair_by_name(poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]) -> list[ScanFile]:
+    rows = {name: row for row, name in enumerate(scans)}
+    recording = []
+    for path in paths:
+        row = rows.pop(path.name, rows.pop(path.stem, None) if path.name not in rows else None)
+        if row is None:
+            raise InputError(
+                poses_path, f"no pose for scan {path.name}", "a row for every scan", "add it or remove the scan"
+            )
+        recording.append(ScanFile(path, table.poses[row]))
+    if rows:
+        name = next(iter(rows))
+        raise InputError(
+            poses_path, f"a pose for {name}, which is not among the scans", "a scan for every row", "remove the row"
+        )
+    return recording
+
+
+def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:
+    """Read one scan into the map frame.
+
+    Args:
+        source: The scan's file and pose.
+        frame: Frame of the file's coordinates.
+        voxel_size: Edge of a voxel, metres; bounds how far from the origin a point may lie.
+
+    Returns:
+        The scan, and the cloud it came from with all its attributes.
+
+    Raises:
+        InputError: The file is damaged, or its coordinates are too large for the map.
+    """
+    cloud = read_cloud(source.path)
+    xyz = cloud.xyz
+    limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        xyz_map = to_map_frame(xyz, source.pose) if frame == "sensor" else xyz.astype(np.float32, copy=False)
+        largest = np.abs(xyz_map).max()
+    if not largest < limit:
+        raise InputError(
+            source.path,
+            f"coordinates up to {largest:.6g} m",
+            f"less than {limit:.6g} m from the origin",
+            "subtract a common offset from scans and poses, or convert millimetres to metres",
+        )
+    return Scan(xyz_map, cloud.rgb, source.pose, source.path.name), cloud

@@ -1,0 +1,1 @@
+"""The method, one scan at a time (III-B, III-C, III-E): read ``segmenter`` first."""

@@ -1,0 +1,209 @@
+"""One scan through the whole method (III-E): insert, add context, embed and classify, cluster. Read this first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.formats.cloud import Labels
+from mcpseg_cli.incremental.classification import make_labeller
+from mcpseg_cli.incremental.clustering import Clusters
+from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.objects import MapObject, list_objects
+from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
+from mcpseg_cli.scan import Scan, colour_of, near_robot
+from mcpseg_cli.segment.checkpoint import MapRows
+
+
+@dataclass(frozen=True)
+class ScanUpdate:
+    """What one scan did to the map.
+
+    Attributes:
+        index: Number of the scan, from 0.
+        point_ids: (N,) int32 voxel of every point of the scan, -1 for points out of range.
+        first_new: Id of the first new voxel; they run to the end of the map.
+        num_new: M, how many voxels were seen for the first time.
+        num_seen: How many of the scan's voxels were known before.
+        merges: (P, 2) int32 objects that merged: old id, surviving id.
+        changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
+        floor: Height of the floor used, metres, map frame; None before any scan came in range.
+        ms: Milliseconds by stage.
+    """
+
+    index: int
+    point_ids: NDArray[np.int32]
+    first_new: int
+    num_new: int
+    num_seen: int
+    merges: NDArray[np.int32]
+    changed: NDArray[np.int32]
+    floor: float | None
+    ms: dict[str, float]
+
+
+class IncrementalSegmenter:
+    """A growing labelled map, fed one scan at a time.
+
+    Args:
+        method: What labels: a network with its weights, or region growing, which gives objects without classes.
+        settings: Everything else that decides the labels; batch size and similarity, where not given, are the network's
+            own. A network without embedding joins neighbours of one class (IV-B), whatever the similarity.
+        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
+            where the processor computes it natively.
+        device: Where the network runs, as torch names it.
+
+    Raises:
+        McpsegError: The device does not exist here.
+    """
+
+    def __init__(
+        self,
+        method: Weights | RegionGrowingSettings,
+        settings: SegmentSettings | None = None,
+        *,
+        precision: Precision = "auto",
+        device: str = "cpu",
+    ) -> None:
+        self.labeller = make_labeller(method, settings or SegmentSettings(), precision, device)
+        self.settings = self.labeller.settings
+        self.classes = self.labeller.classes
+        self.device = device
+        self.precision = self.labeller.precision
+        self.map = VoxelMap(self.settings.voxel_size)
+        self.clusters = Clusters(self.labeller.similarity)
+        self.num_scans = 0
+        self._semantic = Column(np.uint8)
+        self._confidence = Column(np.float32)
+        self._floor: float | None = None
+
+    @classmethod
+    def load(cls, weights: str = DEFAULT_WEIGHTS, settings: SegmentSettings | None = None) -> IncrementalSegmenter:
+        """Make a segmenter from a weights file or the name of bundled weights.
+
+        Raises:
+            WeightsError: The weights are not there or damaged.
+        """
+        return cls(load_weights(Path(find_weights(weights))), settings)
+
+    @property
+    def semantic(self) -> NDArray[np.uint8]:
+        """(V,) uint8 class index of every voxel. A view, valid until the next scan."""
+        return self._semantic.rows
+
+    @property
+    def confidence(self) -> NDArray[np.float32]:
+        """(V,) float32 in 0-1: probability of that class. A view, valid until the next scan."""
+        return self._confidence.rows
+
+    def register_scan(self, scan: Scan) -> ScanUpdate:
+        """Label a scan and grow the map by it (III-E). Earlier labels change only where objects merge.
+
+        Args:
+            scan: Points in the map frame; points farther than ``local_range`` from the robot are left for later.
+
+        Returns:
+            What changed. The scan's number, with the seed, decides every random choice.
+        """
+        rng = np.random.default_rng((self.settings.seed, self.num_scans))
+        clock = _Stopwatch()
+        near = near_robot(scan, self.settings.local_range)
+        first_new = len(self.map)
+        point_ids = np.full(len(scan.xyz), -1, np.int32)
+        point_ids[near] = self.map.insert(scan.xyz[near], colour_of(scan, near))
+        new = np.arange(first_new, len(self.map), dtype=np.int32)
+        num_seen = _count_distinct(point_ids[near & (point_ids < first_new)])
+        clock.lap("insert")
+        if len(near_xyz := scan.xyz[near]):
+            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
+        clock.lap("floor")
+        found = self.labeller.label(self.map, new, scan.position, self._floor or 0.0, rng)
+        self._semantic.append(found.semantic)
+        self._confidence.append(found.confidence)
+        clock.lap("network")
+        partners = self.labeller.partners(self.map, new, found.embedding, self.clusters.embedding)
+        merges, changed = self.clusters.add(found.embedding, partners)
+        clock.lap("cluster")
+        self.num_scans += 1
+        return ScanUpdate(
+            self.num_scans - 1, point_ids, first_new, len(new), num_seen, merges, changed, self._floor, clock.ms
+        )
+
+    def find_points(self, scan: Scan) -> NDArray[np.int32]:
+        """Return (N,) int32: the voxel of every point of a scan registered before, -1 for points out of range."""
+        near = near_robot(scan, self.settings.local_range)
+        point_ids = np.full(len(scan.xyz), -1, np.int32)
+        point_ids[near] = self.map.find(scan.xyz[near])
+        return point_ids
+
+    def labels(self, point_ids: NDArray[np.int32]) -> Labels:
+        """Look up the labels of points as known now.
+
+        Args:
+            point_ids: (N,) int32 voxel ids, -1 for points without one (they get 255, 0 and 0).
+        """
+        known = point_ids >= 0
+        semantic = np.full(len(point_ids), 255, np.uint8)
+        instance = np.zeros(len(point_ids), np.int32)
+        confidence = np.zeros(len(point_ids), np.float32)
+        ids = point_ids[known]
+        semantic[known], confidence[known] = self.semantic[ids], self.confidence[ids]
+        instance[known] = self.clusters.instance[ids]
+        return Labels(semantic, instance, confidence, self.classes)
+
+    def objects(self) -> list[MapObject]:
+        """Take stock of the objects of the map as known now; the cost grows with the map."""
+        return list_objects(self.rows(), self.classes)
+
+    def rows(self, start: int = 0) -> MapRows:
+        """Give the map's rows from voxel ``start`` on. Views, valid until the next scan."""
+        return MapRows(
+            self.map.xyz[start:], self.map.rgb[start:], self.semantic[start:], self.confidence[start:],
+            self.clusters.instance[start:], self.clusters.embedding[start:],
+        )  # fmt: skip
+
+    def restore(self, parts: Iterable[MapRows], merges: NDArray[np.int32], num_scans: int, floor: float | None) -> None:
+        """Put a new segmenter where an earlier one was after ``num_scans`` scans.
+
+        Args:
+            parts: Every voxel as first seen, in id order, in pieces of any size.
+            merges: (P, 2) int32 all merges so far, in order.
+            num_scans: Scans consumed.
+            floor: Floor height of the last scan, metres, map frame.
+
+        Raises:
+            ValueError: The rows are not a map's.
+        """
+        for part in parts:
+            self.map.restore(part.xyz, part.rgb)
+            self._semantic.append(part.semantic)
+            self._confidence.append(part.confidence)
+            self.clusters.restore(part.embedding, part.instance)
+        self.clusters.restore_merges(merges)
+        self.num_scans, self._floor = num_scans, floor
+
+
+class _Stopwatch:
+    """Milliseconds between laps, by name."""
+
+    def __init__(self) -> None:
+        self.ms: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = perf_counter()
+        self.ms[name] = 1e3 * (now - self._last)
+        self._last = now
+
+
+def _count_distinct(ids: NDArray[np.int32]) -> int:
+    """Count distinct ids; sorting int32 is several times faster than ``np.unique``."""
+    return int(np.count_nonzero(np.diff(np.sort(ids), prepend=-1)))

@@ -1,0 +1,171 @@
+"""Weights files: safetensors that carry architecture, class table, context definition and training facts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+
+from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
+from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
+from mcpseg_cli.errors import WeightsError, naming
+from mcpseg_cli.networks.mcpnet import MCPNet
+from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.pointnet import PointNet
+from mcpseg_cli.networks.pointnet2 import PointNet2
+from mcpseg_cli.networks.sgpn import SGPN
+from mcpseg_cli.networks.voxnet import VoxNet
+
+DEFAULT_WEIGHTS = "mcpnet"
+_METADATA = "mcpseg"
+
+
+class WeightsInfo(BaseModel):
+    """What weights say about themselves.
+
+    Attributes:
+        architecture: Which network they are for.
+        classes: Class table: what the logits mean.
+        context_window: Where the context points they were trained with came from.
+        num_context: M, context points per point.
+        notice: A warning to show whenever they are used; empty for weights meant for use.
+        training: Facts for the reader: data, epochs, scores, source.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    architecture: Architecture
+    classes: tuple[str, ...] = Field(min_length=2, max_length=MOST_CLASSES)
+    context_window: ContextWindow = "cells"
+    num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
+    notice: str = ""
+    training: dict[str, str | int | float] = {}
+
+    @field_validator("classes")
+    @classmethod
+    def _check_classes(cls, classes: tuple[str, ...]) -> tuple[str, ...]:
+        """Refuse names that would break the headers of clouds."""
+        if problem := table_problem(classes):
+            raise ValueError(f"{problem}; expected {TABLE_EXPECTED}")
+        return classes
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A network ready for inference, and what its file says about it.
+
+    Attributes:
+        network: On the CPU, float32, in evaluation mode.
+        info: Architecture, classes, context.
+        sha256: Hash of the file, hex.
+        name: File name without its ending.
+    """
+
+    network: Network
+    info: WeightsInfo
+    sha256: str
+    name: str
+
+
+def find_weights(name_or_path: str) -> Path:
+    """Find a weights file: a path, or the name of bundled weights.
+
+    Raises:
+        WeightsError: Neither.
+    """
+    path = Path(name_or_path)
+    if path.suffix == ".safetensors" or path.is_file():
+        return path
+    package = Path(__file__).parents[1]
+    folders = [package / "models", package.parent / "models"]
+    for folder in folders:
+        if (folder / f"{name_or_path}.safetensors").is_file():
+            return folder / f"{name_or_path}.safetensors"
+    bundled = sorted(file.stem for folder in folders for file in folder.glob("*.safetensors"))
+    raise WeightsError(
+        name_or_path, "no such weights", f"a .safetensors file or one of {', '.join(bundled)}", "check the name"
+    )
+
+
+def load_weights(path: Path) -> Weights:
+    """Read a weights file; nothing in it is executed or unpickled.
+
+    Args:
+        path: A .safetensors file written by ``save_weights``.
+
+    Returns:
+        The network in evaluation mode.
+
+    Raises:
+        WeightsError: Damaged, not mcpseg's, or tensors that do not fit the architecture.
+        OSError: The file cannot be opened.
+    """
+    data = path.read_bytes()
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, ValueError) as error:
+        remedy = "import TensorFlow checkpoints with 'mcpseg import-weights'"
+        raise WeightsError(path, f"not readable ({str(error).strip()[:80]})", "a safetensors file", remedy) from error
+    if _METADATA not in metadata:
+        raise WeightsError(path, "no mcpseg description", "weights made by mcpseg", "use bundled or imported weights")
+    try:
+        info = WeightsInfo.model_validate_json(metadata[_METADATA])
+        network = build_network(info)
+        network.load_state_dict(tensors)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        found = f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}"
+        raise WeightsError(path, found, "a description this version knows", "update mcpseg") from error
+    except RuntimeError as error:
+        found = str(error).splitlines()[-1].strip()
+        raise WeightsError(
+            path, found, f"the tensors of {info.architecture}", "copy the file again, or use weights of this network"
+        ) from error
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
+        raise WeightsError(
+            path, "NaN or infinite parameters", "finite numbers", "use a checkpoint from before they broke"
+        )
+    return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
+
+
+def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
+    """Write a network with its description; the file appears under its name only when complete.
+
+    Args:
+        path: Where; replaced if there.
+        network: Its parameters are written as float32.
+        info: What they are.
+    """
+    tensors = {name: tensor.detach().float().cpu().contiguous() for name, tensor in network.state_dict().items()}
+    partial = path.with_name(path.name + ".part")
+    description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
+    try:
+        with naming(path):
+            partial.write_bytes(save(tensors, {_METADATA: description}))
+            partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def build_network(info: WeightsInfo) -> Network:
+    """Build the network that ``info`` describes, with fresh parameters from torch's generator."""
+    num_classes = len(info.classes)
+    match info.architecture:
+        case "mcpnet" | "mcpnet-nocontext":
+            return MCPNet(num_classes, needs_context=info.architecture == "mcpnet")
+        case "pointnet":
+            return PointNet(num_classes)
+        case "pointnet2":
+            return PointNet2(num_classes)
+        case "sgpn":
+            return SGPN(num_classes)
+        case "voxnet":
+            return VoxNet(num_classes)

@@ -1,0 +1,1 @@
+"""A run of ``mcpseg segment`` on disk."""

@@ -1,0 +1,1 @@
+"""Walls, ceilings, doors and windows of synthetic buildings."""

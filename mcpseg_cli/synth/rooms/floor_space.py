@@ -1,0 +1,114 @@
+"""Where a robot can go between the furniture of a room."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mcpseg_cli.synth.building.fittings import leaf_line
+from mcpseg_cli.synth.geometry.collisions import Boxes, reach_of, upright
+from mcpseg_cli.synth.plan import Room
+
+CELL = 0.1
+"""Edge of a cell, metres."""
+ROBOT_RADIUS = 0.26
+"""Half the width that has to fit through, metres: on cells of 0.2 m a way of 0.52 m is never lost."""
+ROBOT_HEIGHT = 1.5
+"""What hangs higher is no obstacle, metres."""
+
+
+class FloorSpace:
+    """Raster of a room's floor: the cells where a robot can stand, and whether it can get to them from the doors."""
+
+    def __init__(self, room: Room) -> None:
+        """Rasterise a room without furniture; columns (taken up to the ceiling) and open leaves are obstacles."""
+        self._low = room.low
+        size = room.high - room.low
+        shape = np.maximum(np.floor(size / CELL).astype(int), 1)
+        self._x = room.low[0] + (np.arange(shape[0]) + 0.5) * CELL
+        self._y = room.low[1] + (np.arange(shape[1]) + 0.5) * CELL
+        self.free: NDArray[np.bool_] = np.zeros(tuple(shape), bool)
+        inside = [
+            (axis > low + ROBOT_RADIUS) & (axis < high - ROBOT_RADIUS)
+            for axis, low, high in zip((self._x, self._y), room.low, room.high, strict=True)
+        ]
+        self.free |= inside[0][:, None] & inside[1]
+        self._doors = [
+            self._cells_at(room, opening.side, (opening.start + opening.end) / 2)
+            for opening in room.openings
+            if opening.kind != "window"
+        ]
+        for taken in room.taken:
+            if taken[1, 2] > room.ceiling - 0.1 and taken[0, 2] < 0.5:
+                window, blocked = self._shadow(upright(taken[0], taken[1]))
+                self.free[window] &= ~blocked
+        for leaf in (leaf for opening in room.openings for leaf in leaf_line(room, opening)):
+            window, blocked = self._shadow(_leaf_box(*leaf))
+            self.free[window] &= ~blocked
+        for cells in self._doors:
+            self.free[cells] = True
+        self._lost = self._cut_off(self.free)
+        self._allowed = self._lost + max(20, int(0.015 * self.free.sum()))
+
+    def admits(self, boxes: Boxes) -> bool:
+        """Take the boxes of an object, (P, 8), in; refuse it, changing nothing, if it cuts floor off from the doors."""
+        standing = boxes[(boxes[:, 6] < ROBOT_HEIGHT)]
+        if len(standing) == 0:
+            return True
+        window, blocked = self._shadow(standing)
+        if not (self.free[window] & blocked).any():
+            return True
+        free = self.free.copy()
+        free[window] &= ~blocked
+        lost = self._cut_off(free)
+        if lost > self._allowed:
+            return False
+        self.free = free
+        return True
+
+    def _cells_at(self, room: Room, side: int, along: float) -> tuple[slice, slice]:
+        """Return the cells in front of an opening's middle, 0.2-0.5 m into the room."""
+        x = {0: along, 1: room.high[0] - 0.35, 2: along, 3: room.low[0] + 0.35}[side]
+        y = {0: room.low[1] + 0.35, 1: along, 2: room.high[1] - 0.35, 3: along}[side]
+        spot = np.clip(((np.array([x, y]) - self._low) / CELL).astype(int), 1, np.array(self.free.shape) - 2)
+        return slice(spot[0] - 1, spot[0] + 2), slice(spot[1] - 1, spot[1] + 2)
+
+    def _shadow(self, boxes: Boxes) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
+        """Return a window of cells and which of them a robot cannot stand in beside the boxes."""
+        reach = reach_of(boxes) + ROBOT_RADIUS
+        low = np.floor(((boxes[:, :2] - reach).min(axis=0) - self._low) / CELL).astype(int).clip(0)
+        high = np.ceil(((boxes[:, :2] + reach).max(axis=0) - self._low) / CELL).astype(int).clip(0)
+        window = slice(low[0], high[0]), slice(low[1], high[1])
+        x = self._x[window[0]][None, :, None] - boxes[:, 0, None, None]
+        y = self._y[window[1]][None, None, :] - boxes[:, 1, None, None]
+        cosine, sine = boxes[:, 2, None, None], boxes[:, 3, None, None]
+        along = np.maximum(np.abs(x * cosine + y * sine) - boxes[:, 4, None, None], 0)
+        across = np.maximum(np.abs(y * cosine - x * sine) - boxes[:, 5, None, None], 0)
+        blocked: NDArray[np.bool_] = (along**2 + across**2 < ROBOT_RADIUS**2).any(axis=0)
+        return window, blocked
+
+    def _cut_off(self, free: NDArray[np.bool_]) -> int:
+        """Count free cells that the doors do not lead to; a door that is shut in counts as all of them."""
+        labels, count = ndimage.label(free)
+        if count == 0:
+            return free.size
+        sizes = np.bincount(labels.ravel())[1:]
+        if not self._doors:
+            return int(sizes.sum() - sizes.max())
+        main = set(np.unique(labels[self._doors[0]]).tolist()) - {0}
+        if not main:
+            return free.size
+        best = max(main, key=lambda label: int(sizes[label - 1]))
+        if any(best not in labels[cells] for cells in self._doors):
+            return free.size
+        return int(sizes.sum() - sizes[best - 1])
+
+
+def _leaf_box(hinge: NDArray[np.float64], edge: NDArray[np.float64]) -> Boxes:
+    """Return the box, (1, 8), of a door's leaf between two points, (2,) each."""
+    along = edge - hinge
+    length = float(np.hypot(*along))
+    cosine, sine = along / length
+    middle = (hinge + edge) / 2
+    return np.array([[middle[0], middle[1], cosine, sine, length / 2, 0.025, 0.0, 2.0]])

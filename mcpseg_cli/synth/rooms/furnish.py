@@ -1,0 +1,56 @@
+"""Furnish rooms: what stands, lies and hangs in them, by what they are used for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mcpseg_cli.synth.geometry.solids import Item
+from mcpseg_cli.synth.plan import Room, RoomKind
+from mcpseg_cli.synth.rooms import living_rooms, private_rooms, public_rooms, work_rooms
+from mcpseg_cli.synth.rooms.placement import Placement
+from mcpseg_cli.synth.surfaces.styles import Style
+
+_ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
+    "hallway": public_rooms.furnish_hallway,
+    "office": work_rooms.furnish_office,
+    "conferenceRoom": work_rooms.furnish_meeting_room,
+    "lounge": public_rooms.furnish_lounge,
+    "storage": work_rooms.furnish_storage,
+    "openspace": work_rooms.furnish_open_plan,
+    "lobby": public_rooms.furnish_lobby,
+    "pantry": public_rooms.furnish_pantry,
+    "copyRoom": work_rooms.furnish_copy_room,
+    "WC": public_rooms.furnish_washroom,
+    "livingRoom": living_rooms.furnish_living_room,
+    "diningRoom": living_rooms.furnish_dining_room,
+    "kitchen": private_rooms.furnish_kitchen,
+    "bedroom": private_rooms.furnish_bedroom,
+    "study": private_rooms.furnish_study,
+    "bathroom": private_rooms.furnish_bathroom,
+}
+
+
+def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
+    """Furnish a room.
+
+    Nothing meets anything else or what is taken. Everything stands on the floor or on something, hangs on a wall or
+    hangs from the ceiling. Doors stay free, and a robot 0.52 m wide can get from every door to nearly all the floor
+    that is left.
+
+    Args:
+        room: The room; its kind decides what comes in.
+        style: Colours and habits of the building.
+        rng: Decides everything else; the same state gives the same furniture.
+
+    Returns:
+        The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of class window,
+        rugs of class floor: ``lay_rugs`` joins them with the room's.
+    """
+    placement = Placement(room, style, rng)
+    if room.kind == "hallway" and not style.is_public:
+        private_rooms.furnish_corridor(placement)
+    else:
+        _ROOMS[room.kind](placement)
+    return placement.items

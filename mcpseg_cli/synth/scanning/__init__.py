@@ -1,0 +1,1 @@
+"""From surfaces to the points a scanner sees."""

@@ -1,0 +1,135 @@
+"""Points on surfaces: the triangles of a room in one mesh, and an even sample of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.synth.geometry.solids import Item, Part, area_of
+from mcpseg_cli.synth.surfaces.noise import Floats
+from mcpseg_cli.synth.surfaces.textures import PATTERNS, Surface, paint_surface
+
+_STEPS = (0.7548776662466927, 0.5698402909980532, 0.7320508075688772)
+"""Steps of a low-discrepancy sequence: R2 for places, the root of 3 for ranks."""
+_ON_GLASS = 0.75  # of the points elsewhere; patches of it are lost later
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """All triangles of a room and the parts they belong to.
+
+    Attributes:
+        triangles: (F, 3, 3) float64, metres, map frame.
+        normals: (F, 3) float64 unit vectors.
+        part: (F,) int32 part of each triangle.
+        item: (P,) int32 object of each part.
+        parts: The parts.
+        is_closed: (P,) whether a part is a solid whose inside cannot be seen.
+        is_glass: (P,) whether one can look through it.
+    """
+
+    triangles: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    part: NDArray[np.int32]
+    item: NDArray[np.int32]
+    parts: tuple[Part, ...]
+    is_closed: NDArray[np.bool_]
+    is_glass: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points on a mesh.
+
+    Attributes:
+        xyz: (N, 3) float32, metres, map frame.
+        normals: (N, 3) float32 unit vectors.
+        part: (N,) int32 part of the mesh.
+        rank: (N,) float32, 0-1; those below any share of 1 are that share of the points, evenly spread.
+    """
+
+    xyz: Floats
+    normals: Floats
+    part: NDArray[np.int32]
+    rank: Floats
+
+    def chosen(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
+        """Return some of the points."""
+        return Samples(self.xyz[which], self.normals[which], self.part[which], self.rank[which])
+
+
+def mesh_of(items: list[Item]) -> Mesh:
+    """Put the triangles of all objects into one mesh; triangles without area are dropped."""
+    parts = tuple(part for item in items for part in item.parts)
+    item = np.repeat(np.arange(len(items), dtype=np.int32), [len(entry.parts) for entry in items])
+    triangles = np.concatenate([part.triangles for part in parts])
+    part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(entry.triangles) for entry in parts])
+    sides = triangles[:, 1:] - triangles[:, :1]
+    areas = 0.5 * np.cross(sides[:, 0], sides[:, 1])
+    size = np.linalg.norm(areas, axis=1)
+    keep = size > 1e-9
+    total = np.stack([np.bincount(part, areas[:, axis], len(parts)) for axis in range(3)], axis=1)
+    is_closed = np.linalg.norm(total, axis=1) < 0.02 * np.bincount(part, size, len(parts))
+    is_glass = np.array([entry.material.pattern == "glass" for entry in parts])
+    normals = areas[keep] / size[keep, None]
+    return Mesh(triangles[keep], normals, part[keep], item, parts, is_closed, is_glass)
+
+
+def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples:
+    """Spread points evenly over the surfaces: one for each square of ``spacing``, three quarters of that on glass.
+
+    Each triangle has its own stretch of a low-discrepancy sequence over its parallelogram, of which half falls into the
+    triangle, so that there are no clumps and holes.
+    """
+    expected = area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
+    counts = np.floor(2 * expected + rng.random(len(expected))).astype(np.int64)
+    face = np.repeat(np.arange(len(counts)), counts)
+    term = np.arange(len(face)) - (np.cumsum(counts) - counts)[face]
+    start = rng.random((3, len(counts)))
+    # shaken by up to a fifth of the spacing: rows of a lattice would show
+    reach = np.linalg.norm(mesh.triangles[:, 1:] - mesh.triangles[:, :1], axis=2).T
+    shake = np.minimum(0.2 * spacing / reach, 0.25)
+    first, second = (
+        (start[k][face] + term * _STEPS[k] + shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)) % 1.0
+        for k in range(2)
+    )
+    kept = np.flatnonzero(first + second <= 1)
+    face, first, second = face[kept], first[kept], second[kept]
+    rank = (start[2][face] + term[kept] * _STEPS[2]) % 1.0
+    corners = mesh.triangles[:, 0].astype(np.float32)
+    sides = (mesh.triangles[:, 1:] - mesh.triangles[:, :1]).astype(np.float32)
+    along, up = first.astype(np.float32)[:, None], second.astype(np.float32)[:, None]
+    xyz = corners[face] + along * sides[face, 0] + up * sides[face, 1]
+    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank.astype(np.float32))
+
+
+def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Floats:
+    """Paint points with the materials of their parts: (N, 3) float32, 0-255, as under even white light."""
+    materials = [part.material for part in mesh.parts]
+    base, accent = (np.array([getattr(m, name) for m in materials], np.float32) for name in ("base", "accent"))
+    scale = np.array([m.scale for m in materials], np.float32)
+    seed = np.array([(m.seed * 31 + k) & 0xFFFFFFFF for k, m in enumerate(materials)], np.uint32)
+    grain = np.array([np.argmax(part.high - part.low) for part in mesh.parts], np.int8)
+    middle = np.array([(part.low + part.high) / 2 for part in mesh.parts], np.float32)
+    origin = np.array([part.origin for part in mesh.parts], np.float32)
+    yaw = np.array([part.yaw for part in mesh.parts], np.float32)
+    cosine, sine = np.cos(yaw)[samples.part], np.sin(yaw)[samples.part]
+    xyz = _turned_back(samples.xyz - origin[samples.part], cosine, sine)
+    normals = _turned_back(samples.normals, cosine, sine)
+    pattern = np.array([PATTERNS.index(m.pattern) for m in materials], np.int8)[samples.part]
+    colour = np.empty_like(xyz)
+    for number, name in enumerate(PATTERNS):
+        rows = np.flatnonzero(pattern == number)
+        if len(rows):
+            p = samples.part[rows]
+            surface = Surface(xyz[rows], normals[rows], base[p], accent[p], scale[p], seed[p], grain[p], middle[p])
+            colour[rows] = paint_surface(name, surface, rng)
+    return colour
+
+
+def _turned_back(vectors: Floats, cosine: Floats, sine: Floats) -> Floats:
+    """Turn vectors from the map frame into the frames of their parts."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.column_stack([x * cosine + y * sine, y * cosine - x * sine, vectors[:, 2]])

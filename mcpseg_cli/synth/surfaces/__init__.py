@@ -1,0 +1,1 @@
+"""Styles, materials and textures."""

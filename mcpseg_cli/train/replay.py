@@ -1,0 +1,164 @@
+"""Replay of a ray-traced area: every scan exactly as segmentation sees it, with the truth about its voxels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.classes import UNKNOWN
+from mcpseg_cli.config import SampleSettings
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import Cloud, read_cloud
+from mcpseg_cli.formats.recording import ScanFile, open_recording, read_scan
+from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.scan import Scan, colour_of, near_robot
+
+_REMEDY = "ray-trace the area again"
+
+
+@dataclass(frozen=True)
+class ScanSamples:
+    """The samples of one scan.
+
+    Attributes:
+        position: (3,) float64 robot position, metres, map frame.
+        floor: Height of the floor that segmentation would use, metres, map frame.
+        num_new: M, how many voxels were seen for the first time; they come first.
+        voxel: (S,) int32 voxel of each sample: all new ones in the order of segmentation, then some seen before.
+        context: (S, K) int32 voxels of its context points, from this and earlier scans.
+        seen: (T,) int32 all voxels that this scan sees, ascending.
+    """
+
+    position: NDArray[np.float64]
+    floor: float
+    num_new: int
+    voxel: NDArray[np.int32]
+    context: NDArray[np.int32]
+    seen: NDArray[np.int32]
+
+
+class Replay:
+    """The voxel map of an area as it grows, with the truth about every voxel.
+
+    Args:
+        area: Folder that ``mcpseg raytrace`` wrote.
+        settings: Everything that decides the samples.
+
+    Raises:
+        InputError: Scans, poses and truth are not there or do not fit together.
+    """
+
+    def __init__(self, area: Path, settings: SampleSettings) -> None:
+        self.settings = settings
+        self.scans = list_scans(area)
+        self.map = VoxelMap(settings.voxel_size)
+        self.classes: tuple[str, ...] = ()
+        self._semantic = Column(np.uint8)
+        self._instance = Column(np.int32)
+        self._floor: float | None = None
+        self._truth = area / "gt"
+
+    @property
+    def semantic(self) -> NDArray[np.uint8]:
+        """(V,) uint8 class of the point that founded each voxel, 255 unknown. A view, valid until the next scan."""
+        return self._semantic.rows
+
+    @property
+    def instance(self) -> NDArray[np.int32]:
+        """(V,) int32 object of that point, 0 none. A view, valid until the next scan."""
+        return self._instance.rows
+
+    def run(self) -> Iterator[ScanSamples]:
+        """Insert scan after scan.
+
+        Yields:
+            The samples of each scan; ``map``, ``semantic`` and ``instance`` are as after that scan.
+
+        Raises:
+            InputError: A file is damaged, or a scan and its truth are not the same points.
+        """
+        for number, source in enumerate(self.scans):
+            scan, cloud = read_scan(source, "map", self.settings.voxel_size)
+            semantic, instance = self._read_truth(source, cloud)
+            yield self._insert(number, scan, semantic, instance)
+
+    def _read_truth(self, source: ScanFile, cloud: Cloud) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Read the labels of a scan and check that they are those of its points."""
+        path = self._truth / source.path.name
+        truth = read_cloud(path)
+        semantic, instance = truth.label("semantic"), truth.label("instance")
+        if semantic is None or instance is None or not truth.classes:
+            raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
+        if not all(np.array_equal(truth.columns[axis], cloud.columns[axis]) for axis in "xyz"):
+            raise InputError(path, "other points than the scan's", "the same points in the same order", _REMEDY)
+        if (self.classes or truth.classes) != truth.classes:
+            raise InputError(path, "another class table than the scans before", "one table for all", _REMEDY)
+        if instance.min() < 0 or instance.max() > np.iinfo(np.int32).max:
+            raise InputError(path, "object ids out of range", "0 to 2,147,483,647", _REMEDY)
+        self.classes = truth.classes
+        labels = semantic.astype(np.int64)
+        known = (labels >= 0) & (labels < len(truth.classes))
+        return np.where(known, labels, UNKNOWN).astype(np.uint8), instance.astype(np.int32)
+
+    def _insert(self, number: int, scan: Scan, semantic: NDArray[np.uint8], instance: NDArray[np.int32]) -> ScanSamples:
+        """Grow the map by one scan, in the steps of ``IncrementalSegmenter.register_scan``."""
+        rng = np.random.default_rng((self.settings.seed, number))
+        near, first_new = near_robot(scan, self.settings.local_range), len(self.map)
+        ids = self.map.insert(scan.xyz[near], colour_of(scan, near))
+        founders = founding_points(ids, first_new)
+        self._semantic.append(semantic[near][founders])
+        self._instance.append(instance[near][founders])
+        if len(near_xyz := scan.xyz[near]):
+            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
+        seen = np.sort(ids)
+        seen = seen[np.diff(seen, prepend=-1) > 0]
+        again = seen[: len(seen) - len(founders)]
+        new = np.arange(first_new, len(self.map), dtype=np.int32)[rng.permutation(len(founders))]
+        parts = [(new, self._sample(new, rng))]
+        again = rng.permutation(again)[: self.settings.seen_again]
+        parts.append((again, self._sample(again, rng)))
+        voxel, context = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return ScanSamples(scan.position, self._floor or 0.0, len(new), voxel, context, seen)
+
+    def _sample(self, ids: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.int32]:
+        uniform = rng.random((len(ids), self.settings.num_context), np.float32)
+        return self.map.sample_context(ids, self.settings.context_window, uniform)
+
+
+def list_scans(area: Path) -> list[ScanFile]:
+    """List the scans of a ray-traced area with their poses, in order.
+
+    Args:
+        area: Folder that ``mcpseg raytrace`` wrote.
+
+    Raises:
+        InputError: No scans, no poses, a run that was not finished, or a scan without truth.
+        OSError: The poses cannot be opened.
+    """
+    if not (area / "poses.csv").is_file():
+        raise InputError(area, "no poses.csv", "a folder that mcpseg raytrace wrote", "check the path")
+    scans = open_recording(area / "scans", area / "poses.csv")
+    for source in scans:
+        if not (area / "gt" / source.path.name).is_file():
+            raise InputError(area, f"no gt/{source.path.name}", "the truth of every scan", _REMEDY)
+    return scans
+
+
+def founding_points(ids: NDArray[np.int32], first_new: int) -> NDArray[np.intp]:
+    """Find the points that founded new voxels.
+
+    Args:
+        ids: (N,) int32 voxels of a scan's points, as ``VoxelMap.insert`` gave them.
+        first_new: Id of the first new voxel.
+
+    Returns:
+        (M,) rows of ``ids``, in the order of the new voxels: ids are given in the order of the points.
+    """
+    highest = np.maximum.accumulate(np.maximum(ids, first_new - 1))
+    return np.flatnonzero(np.diff(highest, prepend=first_new - 1) > 0)

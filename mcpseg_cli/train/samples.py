@@ -1,0 +1,268 @@
+"""The training samples of ray-traced areas, each area's in one HDF5 file that is made once and then streamed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.config import SampleSettings
+from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.steady import SteadyFile, whole_file
+from mcpseg_cli.incremental.column import ScalarT
+from mcpseg_cli.train.replay import Replay, ScanSamples, list_scans
+
+_FORMAT = "mcpseg samples 1"
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_BLOCK = 1 << 15  # samples kept in memory before they are written: 7 MB
+_CHUNK_BYTES = 1 << 16
+_VERIFIED_BYTES = 1 << 22  # read at once to verify a file
+_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError)  # what h5py raises on damaged files
+_VOXELS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "xyz": ("<f4", (3,)), "rgb": ("|u1", (3,)), "semantic": ("|u1", ()), "instance": ("<i4", ()),
+}  # fmt: skip
+_STREAMS = ("voxel", "context", "seen")
+_SCANS = ("position", "floor", "num_new", "starts", "seen_starts")
+
+Progress = Callable[[int, int], None]
+"""Called with the scans done and their number."""
+
+
+class AreaSamples:
+    """The samples of one area, read scan by scan; safe to use from several threads, forked and spawned processes.
+
+    Args:
+        path: A file that ``prepare_samples`` wrote.
+
+    Attributes:
+        name: What the area is called.
+        classes: Class table of ``semantic``.
+        num_scans: Scans of the area.
+        num_samples: Samples of all scans.
+        starts: (num_scans + 1,) int64 where each scan's samples start.
+        xyz: (V, 3) float32, metres, map frame: every voxel's point, mapped from the file.
+        rgb: (V, 3) uint8, mapped from the file.
+        semantic: (V,) uint8 class of the point that founded the voxel, 255 unknown, mapped from the file.
+        instance: (V,) int32 its object, 0 none, mapped from the file.
+
+    Raises:
+        InputError: Not such a file, or damaged.
+        OSError: The file cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("rb"):  # h5py's own messages for a missing or unreadable file say little
+            pass
+        try:
+            self._open_file = _open(path)
+            self._opened_by = os.getpid()
+            self._read_tables(self._open_file)
+        except _DAMAGE as error:
+            cause = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(path, f"no training samples ({cause[:160]})", "an undamaged file", "remove it") from error
+
+    def __reduce__(self) -> tuple[type[AreaSamples], tuple[Path]]:
+        return AreaSamples, (self.path,)
+
+    def scan(self, number: int) -> ScanSamples:
+        """Read the samples of one scan.
+
+        Args:
+            number: Number of the scan, from 0.
+
+        Raises:
+            InputError: The file was replaced by another since it was opened.
+        """
+        file, rows = self._file(), slice(self.starts[number], self.starts[number + 1])
+        seen = slice(self._seen_starts[number], self._seen_starts[number + 1])
+        return ScanSamples(
+            self._position[number], float(self._floor[number]), int(self._num_new[number]),
+            file["voxel"][rows], file["context"][rows], file["seen"][seen],
+        )  # fmt: skip
+
+    def voxels(self, first: int, last: int) -> NDArray[np.int32]:
+        """Read (S,) int32: the voxel of every sample of the scans from ``first`` up to, not including, ``last``."""
+        voxels: NDArray[np.int32] = self._file()["voxel"][self.starts[first] : self.starts[last]]
+        return voxels
+
+    def _read_tables(self, file: h5py.File) -> None:
+        """Read what does not grow with the samples and map the table of voxels."""
+        if file.attrs.get("format") != _FORMAT.encode():
+            raise ValueError(f"not of the format {_FORMAT!r}")
+        self.name = file.attrs["name"].decode()
+        self.fingerprint: bytes = file.attrs["fingerprint"]
+        self.classes: tuple[str, ...] = tuple(json.loads(file.attrs["classes"]))
+        self._position, self._floor, self._num_new, self.starts, self._seen_starts = (file[key][...] for key in _SCANS)
+        self.num_scans, self.num_samples = len(self._floor), len(file["voxel"])
+        self.xyz = self._mapped(file["xyz"], np.float32)
+        self.rgb = self._mapped(file["rgb"], np.uint8)
+        self.semantic = self._mapped(file["semantic"], np.uint8)
+        self.instance = self._mapped(file["instance"], np.int32)
+
+    def _mapped(self, dataset: h5py.Dataset, dtype: type[ScalarT]) -> NDArray[ScalarT]:
+        """Map a table into memory: rows picked here and there cost no call of HDF5 and no copy of the whole."""
+        table: NDArray[ScalarT] = np.memmap(self.path, dtype, "r", dataset.id.get_offset(), dataset.shape)
+        return table
+
+    def _file(self) -> h5py.File:
+        """Return the open file; a forked process opens its own."""
+        if self._opened_by != os.getpid():
+            file = _open(self.path)
+            if file.attrs.get("fingerprint") != self.fingerprint:
+                raise InputError(self.path, "other samples than before", "the same file", "start again")
+            self._open_file, self._opened_by = file, os.getpid()
+        return self._open_file
+
+
+def prepare_samples(
+    area: Path, settings: SampleSettings, cache: Path | None = None, progress: Progress | None = None
+) -> AreaSamples:
+    """Open the samples of an area; replay the area and write them first unless a valid file is there.
+
+    A file is valid for the same scans, poses, truth and settings, if undamaged. Several processes may prepare areas,
+    even the same one, at the same time.
+
+    Args:
+        area: Folder that ``mcpseg raytrace`` wrote.
+        settings: Everything that decides the samples.
+        cache: The file; ``samples.h5`` in the area's folder if not given.
+        progress: Called after each scan that is replayed.
+
+    Raises:
+        InputError: The area is not complete or damaged.
+        OutputError: ``cache`` is a file of something else.
+        OSError: The disk is full or the folder not writable; nothing is left behind.
+    """
+    path = cache or area / "samples.h5"
+    fingerprint = area_fingerprint(area, settings)
+    if _is_valid(path, fingerprint):
+        return AreaSamples(path)
+    replay = Replay(area, settings)
+    with whole_file(path) as stream:
+        with h5py.File(stream, "w") as file:
+            _write(file, stream, replay, progress)
+            if not len(replay.map):
+                raise InputError(area, "no point near the robot", "points within local_range", "check the poses")
+            file.attrs["format"], file.attrs["fingerprint"] = np.bytes_(_FORMAT), np.bytes_(fingerprint)
+            file.attrs["name"] = np.bytes_(area.resolve().name.encode(errors="replace"))
+            file.attrs["classes"] = np.bytes_(json.dumps(replay.classes).encode())
+            file.attrs["settings"] = np.bytes_(settings.model_dump_json().encode())
+        stream.check()
+    return AreaSamples(path)
+
+
+def area_fingerprint(area: Path, settings: SampleSettings) -> str:
+    """Return a hash of what decides the samples: records, poses, settings; names, sizes and times of scans and truth.
+
+    Raises:
+        InputError: The area is not complete.
+        OSError: A file cannot be read.
+    """
+    digest = hashlib.blake2b(f"{_FORMAT}\n{settings.model_dump_json()}\n".encode(), digest_size=16)
+    record = area / "raytrace.json"
+    digest.update(record.read_bytes() if record.is_file() else b"")
+    digest.update((area / "poses.csv").read_bytes() if (area / "poses.csv").is_file() else b"")
+    for source in list_scans(area):
+        for path in (source.path, area / "gt" / source.path.name):
+            facts = path.stat()
+            digest.update(f"{path.parent.name}/{path.name} {facts.st_size} {facts.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
+
+
+def _write(file: h5py.File, stream: SteadyFile, replay: Replay, progress: Progress | None) -> None:
+    """Replay an area into a file, a block of samples at a time."""
+    num_context = replay.settings.num_context
+    for name, width in (("voxel", ()), ("context", (num_context,)), ("seen", ())):
+        chunk = (max(_CHUNK_BYTES // (4 * (width[0] if width else 1)), 1), *width)
+        file.create_dataset(name, (0, *width), "<i4", maxshape=(None, *width), chunks=chunk)
+    checksums = dict.fromkeys(_STREAMS, 0)
+    scans: list[tuple[NDArray[np.float64], float, int, int, int]] = []
+    block: list[ScanSamples] = []
+    for done, scan in enumerate(replay.run(), start=1):
+        scans.append((scan.position, scan.floor, scan.num_new, len(scan.voxel), len(scan.seen)))
+        block.append(scan)
+        if done == len(replay.scans) or sum(len(part.voxel) for part in block) >= _BLOCK:
+            for name in _STREAMS:
+                rows = np.concatenate([getattr(part, name) for part in block])
+                checksums[name] = _append(file[name], rows, checksums[name])
+            block.clear()
+            stream.check()
+        if progress is not None:
+            progress(done, len(replay.scans))
+    _write_tables(file, replay, scans)
+    for name in (*_VOXELS, *_SCANS):
+        checksums[name] = zlib.crc32(np.ascontiguousarray(file[name][...]).data)
+    file.attrs["crc32"] = np.bytes_(json.dumps(checksums).encode())
+
+
+def _append(dataset: h5py.Dataset, rows: NDArray[np.int32], checksum: int) -> int:
+    """Append rows; return the checksum of all."""
+    before = len(dataset)
+    dataset.resize(before + len(rows), axis=0)
+    dataset[before:] = rows
+    return zlib.crc32(np.ascontiguousarray(rows).data, checksum)
+
+
+def _write_tables(
+    file: h5py.File, replay: Replay, scans: list[tuple[NDArray[np.float64], float, int, int, int]]
+) -> None:
+    """Write the table of voxels and that of scans."""
+    position, floor, num_new, sizes, seen = zip(*scans, strict=True)
+    tables: dict[str, NDArray[np.generic]] = {
+        "xyz": replay.map.xyz, "rgb": replay.map.rgb, "semantic": replay.semantic, "instance": replay.instance,
+        "position": np.array(position, "<f8"), "floor": np.array(floor, "<f8"), "num_new": np.array(num_new, "<i8"),
+        "starts": np.cumsum([0, *sizes], dtype="<i8"), "seen_starts": np.cumsum([0, *seen], dtype="<i8"),
+    }  # fmt: skip
+    for name, table in tables.items():
+        file.create_dataset(name, data=table.astype(_VOXELS[name][0]) if name in _VOXELS else table)
+
+
+def _is_valid(path: Path, fingerprint: str) -> bool:
+    """Tell whether a file holds these samples, whole.
+
+    Raises:
+        OutputError: It is a file of something else.
+    """
+    if not path.exists():
+        return False
+    with path.open("rb") as raw:
+        if raw.read(len(_SIGNATURE)) not in (_SIGNATURE, b""):
+            raise OutputError(f"{path}: not a file of training samples; expected one or none; choose another name")
+    try:
+        with _open(path) as file:
+            if not file.attrs.get("format", b"").startswith(b"mcpseg samples"):
+                raise OutputError(f"{path}: HDF5 of something else; expected training samples; choose another name")
+            if file.attrs["fingerprint"] != fingerprint.encode():
+                return False
+            checksums = json.loads(file.attrs["crc32"])
+            return all(_checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *_STREAMS))
+    except _DAMAGE:
+        return False
+
+
+def _checksum(dataset: h5py.Dataset) -> int:
+    """Return the CRC-32 of a dataset, read in parts."""
+    checksum = 0
+    for part in _parts(dataset):
+        checksum = zlib.crc32(np.ascontiguousarray(part).data, checksum)
+    return checksum
+
+
+def _parts(dataset: h5py.Dataset) -> Iterator[NDArray[np.generic]]:
+    width = int(np.prod(dataset.shape[1:], dtype=np.int64)) * dataset.dtype.itemsize
+    step = max(_VERIFIED_BYTES // width, 1)
+    for start in range(0, len(dataset), step):
+        yield dataset[start : start + step]
+
+
+def _open(path: Path) -> h5py.File:
+    """Open for reading; without a lock, for a file under this name never changes."""
+    return h5py.File(path, "r", locking=False)

@@ -1,0 +1,351 @@
+"""The training loop (III-D): batches, losses, Adam, validation. ``Trainer.run`` is the part to read first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mcpseg_cli.config import TrainSettings
+from mcpseg_cli.errors import TrainingError
+from mcpseg_cli.networks.network import Network
+from mcpseg_cli.train.batches import Batch
+from mcpseg_cli.train.checkpoint import EpochReport, TrainState
+from mcpseg_cli.train.objective import Objective, Scores, Tally, TensorBatch
+from mcpseg_cli.train.prefetch import ahead
+from mcpseg_cli.train.ranks import Ranks
+
+_REPORT_STEPS = 10  # from one progress report to the next
+_BATCHES_AHEAD = 4
+
+
+@contextmanager
+def _in_memory() -> Iterator[None]:
+    """Say in one line that memory does not suffice; torch says so in many, and on the processor as any other error."""
+    try:
+        yield
+    except (RuntimeError, MemoryError) as error:
+        words = ("out of memory", "can't allocate memory", "not enough memory")
+        if isinstance(error, MemoryError) or any(each in str(error) for each in words):
+            raise TrainingError("out of memory; expected room for a batch; lower --batch-size") from error
+        raise
+
+
+class Batches(Protocol):
+    """Where batches come from; ``samples.BatchSource`` is one."""
+
+    def __len__(self) -> int:
+        """Count the batches of an epoch."""
+
+    def epoch(self, number: int, *, rank: int = 0, world: int = 1, start: int = 0) -> Iterator[Batch]:
+        """Yield every ``world``-th batch of an epoch from number ``rank`` on, without the first ``start`` of these."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where training is.
+
+    Attributes:
+        epoch: Number of the epoch at hand, from 1.
+        step: Steps done of it.
+        num_steps: Steps it has.
+        scores: Means over its batches so far, in this process.
+        finished: The epoch's report, once it is over.
+    """
+
+    epoch: int
+    step: int
+    num_steps: int
+    scores: Scores
+    finished: EpochReport | None = None
+
+
+class Trainer:
+    """Trains one network.
+
+    Args:
+        network: Fresh or pre-trained; trained in place on the device it is on.
+        num_classes: C, of its logits.
+        settings: All numbers.
+        training: Batches to learn from.
+        validation: Batches to choose the best weights by; None: the last weights are the best.
+        ranks: The processes that share the work; each has its own ``Trainer`` of the same network.
+        class_weights: (C,) float32: what an error on a point of each class costs; None: all the same.
+
+    Raises:
+        TrainingError: There are too few batches for a step, or to validate in every process.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        num_classes: int,
+        settings: TrainSettings,
+        training: Batches,
+        validation: Batches | None = None,
+        *,
+        ranks: Ranks | None = None,
+        class_weights: Tensor | None = None,
+    ) -> None:
+        self.network, self.settings, self.ranks = network, settings, ranks or Ranks()
+        self.curves: list[EpochReport] = []
+        self.best = 0
+        self._best_network: dict[str, Tensor] = {}
+        self._training, self._validation = training, validation
+        self._parameters = list(network.parameters())
+        self._device = self._parameters[0].device
+        self._objective = Objective(settings, class_weights, self._device)
+        # with a weight decay of 0, AdamW is Adam (III-D)
+        self._optimiser = torch.optim.AdamW(self._parameters, weight_decay=settings.weight_decay, fused=True)
+        self._step = 0  # of the epoch at hand
+        self._tally = Tally(num_classes, self._device)
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse data that is not enough for the processes there are."""
+        if self.num_steps == 0:
+            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
+        if self._validation is not None and self._num_validation_batches == 0:
+            raise TrainingError(
+                f"fewer held-out batches than the {self.ranks.world} processes; expected one for each; "
+                "hold out more scans, raise --validation-batches or start fewer processes"
+            )
+
+    @property
+    def _num_validation_batches(self) -> int:
+        """Held-out batches that this process scores."""
+        assert self._validation is not None
+        most = self.settings.validation_batches or len(self._validation)
+        return min(len(self._validation), most) // self.ranks.world
+
+    @property
+    def num_steps(self) -> int:
+        """Steps of an epoch."""
+        num_batches = min(len(self._training), self.settings.batches_per_epoch or len(self._training))
+        return num_batches // (self.settings.batches_per_step * self.ranks.world)
+
+    @property
+    def num_steps_done(self) -> int:
+        """Steps done of the whole run."""
+        return len(self.curves) * self.num_steps + self._step
+
+    @property
+    def is_finished(self) -> bool:
+        """True after the last epoch, or when patience is at its end."""
+        waited = sum(report.validation is not None for report in self.curves[self.best :])
+        patience = self.settings.patience
+        return len(self.curves) >= self.settings.epochs or (patience is not None and waited >= patience)
+
+    def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
+        """Train until the last epoch, or until validation has not improved for long enough.
+
+        Args:
+            should_stop: Asked after each step; True, in any process, ends the run early in all.
+
+        Yields:
+            Progress every ten steps and after every epoch; ``state`` may be saved then, to go on from.
+
+        Raises:
+            TrainingError: The loss is no longer a number, or the memory does not suffice.
+        """
+        while not self.is_finished:
+            started = perf_counter()
+            for batches in self._steps_left():
+                self._learn(batches)
+                self._step += 1
+                stop = self.ranks.any(should_stop(), self._device)
+                if stop or self._step % _REPORT_STEPS == 0:
+                    yield self._progress(self._tally.scores())
+                if stop:
+                    return
+            is_due = self._validation is not None and self._is_validation_due()
+            validation = self._validate(should_stop) if is_due else None
+            if is_due and validation is None:
+                return
+            yield self._end_epoch(validation, started)
+
+    def _steps_left(self) -> Iterator[list[TensorBatch]]:
+        """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
+        each, world = self.settings.batches_per_step, self.ranks.world
+        source = self._training.epoch(len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each)
+        with ahead(map(to_tensors, source), _BATCHES_AHEAD + each) as batches:
+            for _ in range(self._step, self.num_steps):
+                yield [_move(batch, self._device) for batch in islice(batches, each)]
+
+    @_in_memory()
+    def _learn(self, batches: Sequence[TensorBatch]) -> None:
+        """Change the parameters a little, by the mean gradient of some batches."""
+        epoch, settings = len(self.curves), self.settings
+        rate = learning_rate(self.num_steps_done, self.num_steps, settings)
+        self._optimiser.param_groups[0]["lr"] = rate
+        self._optimiser.zero_grad(set_to_none=True)
+        self.network.train()
+        for index, batch in enumerate(batches):
+            position = (self._step * len(batches) + index) * self.ranks.world + self.ranks.rank
+            with _drop_out_by(settings.seed, epoch, position, device=self._device):
+                outcome = self._objective.evaluate(self.network, batch)
+            total = self._objective.total(outcome)
+            (total / len(batches)).backward()  # type: ignore[no-untyped-call]
+            self._tally.add(outcome, total, batch)
+        self.ranks.average_gradients(self._parameters)
+        if settings.max_gradient is not None:
+            torch.nn.utils.clip_grad_norm_(self._parameters, settings.max_gradient)
+        self._optimiser.step()
+
+    def _is_validation_due(self) -> bool:
+        epoch = len(self.curves) + 1
+        return epoch % self.settings.validate_every == 0 or epoch == self.settings.epochs
+
+    @_in_memory()
+    @torch.no_grad()
+    def _validate(self, should_stop: Callable[[], bool]) -> Scores | None:
+        """Score the held-out batches, the same ones every time; None when asked to stop."""
+        assert self._validation is not None
+        self.network.eval()
+        tally = Tally(self._tally.num_classes, self._device)
+        source = self._validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
+        with ahead(map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD) as batches:
+            for batch in (_move(batch, self._device) for batch in batches):
+                outcome = self._objective.evaluate(self.network, batch)
+                tally.add(outcome, self._objective.total(outcome), batch)
+                if self.ranks.any(should_stop(), self._device):
+                    return None
+        self.ranks.sum(tally.sums)
+        return tally.scores()
+
+    def _end_epoch(self, validation: Scores | None, started: float) -> Progress:
+        """Record an epoch and keep its weights where they are the best."""
+        self.ranks.sum(self._tally.sums)
+        scores = self._tally.scores()
+        report = EpochReport(
+            epoch=len(self.curves) + 1,
+            learning_rate=learning_rate(self.num_steps_done - 1, self.num_steps, self.settings),
+            seconds=round(perf_counter() - started, 3),
+            train=scores,
+            validation=validation,
+        )
+        if validation is not None and (self.best == 0 or self._is_better(validation)):
+            self.best = report.epoch
+            self._best_network = {name: tensor.clone() for name, tensor in self.network.state_dict().items()}
+        progress = self._progress(scores, report)
+        self.curves.append(report)
+        self._step = 0
+        self._tally = Tally(self._tally.num_classes, self._device)
+        return progress
+
+    def _is_better(self, validation: Scores) -> bool:
+        """Compare with the best epoch so far; the earlier of equals stays."""
+        best = self.curves[self.best - 1].validation
+        assert best is not None
+        if self.settings.best_by == "loss":
+            return validation.loss < best.loss
+        return (validation.miou or 0.0) > (best.miou or 0.0)
+
+    def _progress(self, scores: Scores, finished: EpochReport | None = None) -> Progress:
+        if not math.isfinite(scores.loss):
+            raise TrainingError(
+                f"epoch {len(self.curves) + 1}: the loss is {scores.loss}; expected a number; lower --lr; "
+                "the last checkpoint is from before"
+            )
+        return Progress(len(self.curves) + 1, self._step, self.num_steps, scores, finished)
+
+    def best_network(self) -> dict[str, Tensor]:
+        """Return the parameters that validation chose; where there was none, the last."""
+        return self._best_network or self.network.state_dict()
+
+    def state(self) -> TrainState:
+        """Return all that changes; its tensors are those in use, to be saved before training goes on."""
+        moments = self._optimiser.state_dict()["state"]
+        return TrainState(
+            step=self._step,
+            curves=tuple(self.curves),
+            best=self.best,
+            network=self.network.state_dict(),
+            best_network=self._best_network,
+            optimiser={f"{index}.{name}": tensor for index in moments for name, tensor in moments[index].items()},
+            sums=self._tally.sums,
+        )
+
+    def restore(self, state: TrainState) -> None:
+        """Go on from what ``state`` returned, on any device."""
+        self._step, self.curves, self.best = state.step, list(state.curves), state.best
+        self.network.load_state_dict(state.network)
+        self._best_network = {name: tensor.to(self._device) for name, tensor in state.best_network.items()}
+        moments: dict[int, dict[str, Tensor]] = {}
+        for key, tensor in state.optimiser.items():
+            index, _, name = key.partition(".")
+            moments.setdefault(int(index), {})[name] = tensor
+        groups = self._optimiser.state_dict()["param_groups"]
+        self._optimiser.load_state_dict({"state": moments, "param_groups": groups})
+        # other processes count their own share of the epoch anew
+        self._tally.sums = state.sums.to(self._device) if self.ranks.rank == 0 else torch.zeros_like(self._tally.sums)
+
+
+def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> float:
+    """Compute the learning rate of a step, counted from 0 over the whole run.
+
+    Args:
+        step: Steps before it.
+        steps_per_epoch: Steps of an epoch.
+        settings: Peak, warm-up and schedule.
+
+    Returns:
+        The peak; less during the warm-up, which is linear; a half cosine down to 0 after it, if that is the schedule.
+    """
+    warm_up = settings.warm_up * steps_per_epoch
+    if step < warm_up:
+        return settings.learning_rate * (step + 1) / (warm_up + 1)
+    if settings.schedule == "constant":
+        return settings.learning_rate
+    share = (step - warm_up) / max(settings.epochs * steps_per_epoch - warm_up, 1)
+    return settings.learning_rate * (1 + math.cos(math.pi * share)) / 2
+
+
+def balance(batches: Batches, num_classes: int, max_batches: int = 200) -> Tensor:
+    """Weight classes by the inverse root of how often they occur, so that the weighted mean of the weights is 1.
+
+    Args:
+        batches: To count in: the first ``max_batches`` of epoch 0.
+        num_classes: C.
+        max_batches: Enough to know the frequencies by.
+
+    Returns:
+        (C,) float32; classes that do not occur weigh 1.
+    """
+    counts = np.zeros(num_classes)
+    for batch in islice(batches.epoch(0), max_batches):
+        counts += np.bincount(batch.semantic[batch.semantic < num_classes], minlength=num_classes)
+    weights = np.where(counts > 0, 1 / np.sqrt(np.maximum(counts, 1)), 0.0)
+    total = (weights * counts).sum()
+    weights = np.where(counts > 0, weights * counts.sum() / max(total, 1e-12), 1.0)
+    return torch.from_numpy(weights.astype(np.float32))
+
+
+@contextmanager
+def _drop_out_by(seed: int, epoch: int, position: int, *, device: torch.device) -> Iterator[None]:
+    """Draw drop-out from the batch's own key, so that a resumed run and any number of processes draw the same."""
+    key = int(np.random.SeedSequence((seed, epoch, position)).generate_state(1, np.uint64)[0] >> 1)
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+        torch.manual_seed(key)
+        yield
+
+
+def to_tensors(batch: Batch) -> TensorBatch:
+    """Copy a batch into torch's own memory, whose alignment does not change from run to run, on the processor."""
+    context = None if batch.context is None else torch.tensor(batch.context)
+    return TensorBatch(torch.tensor(batch.centre), context, torch.tensor(batch.semantic), torch.tensor(batch.instance))
+
+
+def _move(batch: TensorBatch, device: torch.device) -> TensorBatch:
+    if device.type == "cpu":
+        return batch
+    context = None if batch.context is None else batch.context.to(device)
+    return TensorBatch(batch.centre.to(device), context, batch.semantic.to(device), batch.instance.to(device))
