@@ -1,10 +1,12 @@
 """What each part of the augmentation is worth: MCPNet trained with one part left out at a time.
 
-    python examples/augmentation_study.py data/ --holdout 6 -o study/ [--batches 3000] [--recording office=scans_9/]
+    python examples/augmentation_study.py data/ --holdout 6 -o study/ [--batches 3000] [--recording
+    office=scans_9/]
 
-Each network is scored on batches of the held-out area as they are, then changed as another sensor, light or map would
-change them. ``--recording`` adds folders that ``mcpseg raytrace`` wrote, labelled online by ``mcpseg segment``. What is
-trained is kept in the output folder and not trained again; ``study.md`` and ``study.json`` hold the figures.
+Each network is scored on batches of the held-out area as they are, then changed as another sensor,
+light or map would change them. ``--recording`` adds folders that ``mcpseg raytrace`` wrote,
+labelled online by ``mcpseg segment``. What is trained is kept in the output folder and not trained
+again; ``study.md`` and ``study.json`` hold the figures.
 """
 
 import argparse
@@ -24,10 +26,10 @@ from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.train.batches import AreaSamples, BatchSource
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
 from mcpseg_cli.train.folds import Area, Fold, find_areas, make_folds
-from mcpseg_cli.train.objective import Objective, Tally
+from mcpseg_cli.train.objective import Objective, to_tensors
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
-from mcpseg_cli.train.trainer import to_tensors
+from mcpseg_cli.train.scores import Tally
 
 PARTS = {  # what is left out together
     "turn, mirror": ("turn_deg", "mirror"),
@@ -36,13 +38,21 @@ PARTS = {  # what is left out together
     "robot's place": ("robot_offset",),
     "floor": ("floor_error", "floor_lost", "floor_lost_by"),
     "light": (
-        "gain", "channel_gain", "contrast", "offset", "gamma", "hue_deg", "light_gradient", "colour_noise", "luminance"
+        "gain",
+        "channel_gain",
+        "contrast",
+        "offset",
+        "gamma",
+        "hue_deg",
+        "light_gradient",
+        "colour_noise",
+        "luminance",
     ),
     "grey": ("grey",),
     "context": ("context_dropout", "context_dropout_share", "same_scan"),
     "partial view": ("partial_view",),
     "thinning": ("thinning", "thinning_share"),
-}  # fmt: skip
+}
 CONDITIONS: dict[str, dict[str, float]] = {  # how held-out batches are changed
     "as they are": {},
     "turned": {"turn_deg": 180.0, "mirror": 0.5},
@@ -51,36 +61,58 @@ CONDITIONS: dict[str, dict[str, float]] = {  # how held-out batches are changed
     "off centre": {"robot_offset": 0.5},
     "floor missed": {"floor_lost": 1.0, "floor_lost_by": 0.3},
     "other light": {
-        "gain": 0.5, "channel_gain": 0.2, "contrast": 0.5, "offset": 30.0, "gamma": 0.5, "hue_deg": 40.0,
-        "light_gradient": 0.2, "colour_noise": 20.0,
+        "gain": 0.5,
+        "channel_gain": 0.2,
+        "contrast": 0.5,
+        "offset": 30.0,
+        "gamma": 0.5,
+        "hue_deg": 40.0,
+        "light_gradient": 0.2,
+        "colour_noise": 20.0,
     },
     "no colour": {"grey": 1.0},
     "first look": {"same_scan": 1.0},
     "narrow view": {"partial_view": 1.0},
     "sparse": {"thinning": 1.0, "thinning_share": 0.9},
-}  # fmt: skip
+}
 
 
 def variants() -> dict[str, AugmentSettings]:
     """Name the augmentations compared: all of it, one part less, none."""
     full = AugmentSettings()
-    without = {f"without {part}": full.model_copy(update=dict.fromkeys(names, 0.0)) for part, names in PARTS.items()}
+    without = {
+        f"without {part}": full.model_copy(update=dict.fromkeys(names, 0.0))
+        for part, names in PARTS.items()
+    }
     return {"all": full, **without, "none": AugmentSettings.off()}
 
 
 def train(
-    name: str, augment: AugmentSettings, fold: Fold, prepared: Mapping[Area, AreaSamples], options: argparse.Namespace
+    name: str,
+    augment: AugmentSettings,
+    fold: Fold,
+    prepared: Mapping[Area, AreaSamples],
+    options: argparse.Namespace,
 ) -> Path:
     """Train one network, unless it is there."""
     files = TrainFiles(options.output, name.replace(" ", "_").replace(",", "").replace("'", ""))
     files.check(resume=True, overwrite=False)
     settings = TrainSettings(
-        epochs=1, batches_per_epoch=options.batches, schedule="cosine", warm_up=0.1, batch_size=BATCH, precision="bf16",
-        class_balance="sqrt", validation_batches=options.validation_batches, seed=options.seed,
-    )  # fmt: skip
+        epochs=1,
+        batches_per_epoch=options.batches,
+        schedule="cosine",
+        warm_up=0.1,
+        batch_size=BATCH,
+        precision="bf16",
+        class_balance="sqrt",
+        validation_batches=options.validation_batches,
+        seed=options.seed,
+    )
     data = DataSettings(SampleSettings(), augment)
     request = TrainRequest(settings, data, fold, command=sys.argv)
-    run = TrainRun(files, request, fold_data(fold, prepared, data, settings), torch.device("cpu"), Ranks())
+    run = TrainRun(
+        files, request, fold_data(fold, prepared, data, settings), torch.device("cpu"), Ranks()
+    )
     if run.record is None:
         for _ in run.run(minutes=5):
             pass
@@ -89,7 +121,9 @@ def train(
 
 
 @torch.no_grad()
-def score(weights: Path, area: AreaSamples, options: argparse.Namespace) -> dict[str, tuple[float, float]]:
+def score(
+    weights: Path, area: AreaSamples, options: argparse.Namespace
+) -> dict[str, tuple[float, float]]:
     """Score a network under every condition: point accuracy and mIoU of the classes present."""
     network = load_weights(weights).network.eval()
     objective = Objective(TrainSettings(precision="bf16"), None, torch.device("cpu"))
@@ -114,8 +148,11 @@ def label(weights: Path, recording: Path) -> tuple[float, float]:
     mcpseg = [sys.executable, "-m", "mcpseg_cli"]
     with tempfile.TemporaryDirectory() as folder:
         scans = [str(recording / "scans"), str(recording / "poses.csv")]
-        subprocess.run([*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"],
-                       check=True, stdout=subprocess.DEVNULL)  # fmt: skip
+        subprocess.run(
+            [*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"],
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
         answer = subprocess.run([*mcpseg, "eval", folder + "/out", str(recording / "gt"), "--json"],
                                 check=True, capture_output=True)  # fmt: skip
     scores = json.loads(answer.stdout)
@@ -134,7 +171,9 @@ def table(results: Mapping[str, Mapping[str, tuple[float, float]]]) -> str:
 
 def main() -> None:
     """Train, score, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("data", type=Path)
     parser.add_argument("--holdout", default="6")
     parser.add_argument("--batches", type=int, default=3000)
@@ -153,10 +192,16 @@ def main() -> None:
     for name, augment in variants().items():
         weights = train(name, augment, fold, prepared, options)
         results[name] = score(weights, prepared[fold.validation[0]], options)
-        results[name] |= {title: label(weights, Path(folder)) for title, folder in recordings.items()}
+        results[name] |= {
+            title: label(weights, Path(folder)) for title, folder in recordings.items()
+        }
         (options.output / "study.json").write_text(json.dumps(results, indent=1) + "\n")
         (options.output / "study.md").write_text(table(results))
-        print(name, {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()}, flush=True)
+        print(
+            name,
+            {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()},
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     python examples/complete_clouds.py data/Area_1 -o offline/Area_1
     mcpseg train offline/ --net pointnet -o trained/
 
-Every column of 1 m becomes a scan whose pose is the column's middle, at the height of the nearest true pose; the truth
-is beside it, as after ``mcpseg raytrace``.
+Every column of 1 m becomes a scan whose pose is the column's middle, at the height of the nearest
+true pose; the truth is beside it, as after ``mcpseg raytrace``.
 """
 
 import argparse
@@ -53,13 +53,17 @@ def write_columns(area: Path, output: Path) -> int:
         height = nearest_height(positions, middle)
         lines.append(f"{name},{middle[0]:.6f},{middle[1]:.6f},{height:.6f},0,0,0,1")
     (output / "poses.csv").write_text("\n".join(lines) + "\n")
-    (output / "raytrace.json").write_text(json.dumps({"complete": True, "columns_of": str(area)}) + "\n")
+    (output / "raytrace.json").write_text(
+        json.dumps({"complete": True, "columns_of": str(area)}) + "\n"
+    )
     return len(lines) - 1
 
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("area", type=Path, help="what mcpseg raytrace wrote")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for the columns")
     arguments = parser.parse_args()

@@ -13,7 +13,7 @@ from statistics import mean
 import numpy as np
 
 from mcpseg_cli import __version__
-from mcpseg_cli.evaluate.cluster_scores import intersection_over_union
+from mcpseg_cli.evaluate.class_scores import intersection_over_union
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,8 @@ class Row:
 
     Attributes:
         title: In the paper.
-        paper: Avg IOU, point and object accuracy; NMI, AMI, ARI; seconds, MB and GB in the paper. None: not there.
+        paper: Avg IOU, point and object accuracy; NMI, AMI, ARI; seconds, MB and GB in the paper.
+            None: not there.
         limit: What takes time when it labels new voxels.
     """
 
@@ -35,34 +36,41 @@ METHODS = {
     "pointnet-offline": Row("PointNet (offline)", (49.8, 79.9, *[None] * 7)),
     "sgpn-offline": Row("SGPN (offline)", (50.4, 80.8, *[None] * 7)),
     "region-growing": Row(
-        "Normal + color", (None, None, None, 78.5, 63.4, 25.0, *[None] * 3),
+        "Normal + color",
+        (None, None, None, 78.5, 63.4, 25.0, *[None] * 3),
         "Planes: the 124 cells around each new voxel are looked up and a 3 x 3 eigenproblem is solved.",
     ),
     "pointnet": Row(
-        "PointNet", (25.0, 59.1, 16.7, 72.1, 59.2, 12.1, 0.017, 14.0, 0.94),
+        "PointNet",
+        (25.0, 59.1, 16.7, 72.1, 59.2, 12.1, 0.017, 14.0, 0.94),
         "Eight layers of 64 to 256 features a point, and two of the maximum over the batch.",
     ),
     "pointnet2": Row(
-        "PointNet++", (23.8, 60.2, 14.1, 76.1, 66.4, 17.1, 0.027, 11.5, 0.97),
+        "PointNet++",
+        (23.8, 60.2, 14.1, 76.1, 66.4, 17.1, 0.027, 11.5, 0.97),
         "Farthest points are chosen one after the other, and all pairs of points compared at every level.",
     ),
     "sgpn": Row(
-        "SGPN", (24.9, 60.3, 14.1, 78.5, 60.5, 26.1, 0.019, 14.9, 2.49),
+        "SGPN",
+        (24.9, 60.3, 14.1, 78.5, 60.5, 26.1, 0.019, 14.9, 2.49),
         "PointNet with two more branches; no similarity matrix of all pairs, only of neighbouring voxels.",
     ),
     "voxnet": Row(
-        "VoxNet", (18.2, 45.5, 6.5, 70.5, 58.0, 11.3, 0.017, 0.5, 1.22),
+        "VoxNet",
+        (18.2, 45.5, 6.5, 70.5, 58.0, 11.3, 0.017, 0.5, 1.22),
         "Two convolutions over 32 x 32 x 32 cells, mostly empty, for every batch however few its points.",
     ),
     "mcpnet-nocontext": Row(
-        "Proposed", (25.4, 57.7, 15.6, 75.9, 64.8, 18.3, 0.019, 0.9, 1.26),
+        "Proposed",
+        (25.4, 57.7, 15.6, 75.9, 64.8, 18.3, 0.019, 0.9, 1.26),
         "Four layers of at most 200 features a point.",
     ),
     "mcpnet": Row(
-        "Proposed + MCP", (39.2, 74.9, 33.5, 85.6, 74.2, 39.7, 0.034, 1.8, 1.26),
+        "Proposed + MCP",
+        (39.2, 74.9, 33.5, 85.6, 74.2, 39.7, 0.034, 1.8, 1.26),
         "Context pooling: a 200 x 200 product for each of 50 context points of every new voxel.",
     ),
-}  # fmt: skip
+}
 """What tables I to III compare, in their order; the limits are of this implementation, from its operations."""
 
 
@@ -91,11 +99,21 @@ class Result:
 
 def read_result(folder: Path, name: str) -> Result:
     """Read NAME.segment.json and NAME.eval.json."""
-    segment, scores = (json.loads((folder / f"{name}.{kind}.json").read_text()) for kind in ("segment", "eval"))
+    segment, scores = (
+        json.loads((folder / f"{name}.{kind}.json").read_text()) for kind in ("segment", "eval")
+    )
     figures = {key: float(value) for key, value in scores.items() if isinstance(value, int | float)}
     times = segment["ms_per_scan"]
     confusion, memory = scores["confusion"], segment["peak_memory_mb"]
-    return Result(figures, scores["iou"], confusion, times["p50"], times["p95"], segment["ms_by_stage"], memory)
+    return Result(
+        figures,
+        scores["iou"],
+        confusion,
+        times["p50"],
+        times["p95"],
+        segment["ms_by_stage"],
+        memory,
+    )
 
 
 Results = Mapping[str, Sequence[Result]]
@@ -127,7 +145,8 @@ def write_report(
     """
     ordered = [method for method in METHODS if method in methods]
     results = {
-        method: [read_result(output / "results", f"{method}-holdout{fold}") for fold in folds] for method in ordered
+        method: [read_result(output / "results", f"{method}-holdout{fold}") for fold in folds]
+        for method in ordered
     }
     tables = {
         "Table I: classification": table_1(results),
@@ -136,16 +155,31 @@ def write_report(
         "Table III: efficiency": table_3(results, output / "trained", folds[0]),
     }
     names = {count: f"context{count}-holdout{folds[-1]}" for count in context_points}
-    figure = figure_5({count: read_result(output / "results", name) for count, name in names.items()})
-    for name, table in zip(("table_1", "iou_by_class", "table_2", "table_3"), tables.values(), strict=True):
+    figure = figure_5(
+        {count: read_result(output / "results", name) for count, name in names.items()}
+    )
+    for name, table in zip(
+        ("table_1", "iou_by_class", "table_2", "table_3"), tables.values(), strict=True
+    ):
         _write_csv(output / f"{name}.csv", table)
-    lines = ["# Tables and figure of the paper, reproduced", "", *_introduction(folds, settings, commands)]
+    lines = [
+        "# Tables and figure of the paper, reproduced",
+        "",
+        *_introduction(folds, settings, commands),
+    ]
     for title, table in tables.items():
         lines += ["", f"## {title}", "", *_notes(title), *_markdown(table)]
     if context_points:
         _write_csv(output / "figure_5.csv", figure)
         draw_figure_5(figure, output / "figure_5.png")
-        lines += ["", "## Figure 5: context points", "", *_markdown(figure), "", "![](figure_5.png)"]
+        lines += [
+            "",
+            "## Figure 5: context points",
+            "",
+            *_markdown(figure),
+            "",
+            "![](figure_5.png)",
+        ]
     report = output / "results.md"
     report.write_text("\n".join(lines) + "\n")
     return report
@@ -208,7 +242,9 @@ def table_3(results: Results, trained: Path, holdout: int) -> list[list[str]]:
         if method.endswith("-offline"):
             continue
         ms = [mean(fold.p50_ms for fold in folds), mean(fold.p95_ms for fold in folds)]
-        stages = {stage: mean(fold.stages_ms[stage] for fold in folds) for stage in folds[0].stages_ms}
+        stages = {
+            stage: mean(fold.stages_ms[stage] for fold in folds) for stage in folds[0].stages_ms
+        }
         ms.append(stages["network"])
         longest = max(stages, key=lambda stage: stages[stage])
         share = f"{longest}, {100 * stages[longest] / sum(stages.values()):.0f} %"
@@ -216,7 +252,11 @@ def table_3(results: Results, trained: Path, holdout: int) -> list[list[str]]:
         size = f"{weights.stat().st_size / 1e6:.2f}" if weights.is_file() else _BLANK
         memory = max(fold.memory_mb for fold in folds)
         seconds, megabytes, gigabytes = METHODS[method].paper[6:]
-        paper = [_cell(None if seconds is None else 1e3 * seconds, ".0f"), _cell(megabytes), _cell(gigabytes, ".2f")]
+        paper = [
+            _cell(None if seconds is None else 1e3 * seconds, ".0f"),
+            _cell(megabytes),
+            _cell(gigabytes, ".2f"),
+        ]
         figures = [*[f"{value:.1f}" for value in ms], size, f"{memory:.0f}"]
         table.append([METHODS[method].title, *figures, *paper, share, METHODS[method].limit])
     return table
@@ -265,12 +305,26 @@ def _cell(value: float | None, form: str = ".1f") -> str:
     return _BLANK if value is None else f"{value:{form}}"
 
 
-def _introduction(folds: Sequence[int], settings: Mapping[str, object], commands: Sequence[str]) -> list[str]:
+def _introduction(
+    folds: Sequence[int], settings: Mapping[str, object], commands: Sequence[str]
+) -> list[str]:
     """Say what the figures were made with, of what."""
     facts = [f"* {name}: {value}" for name, value in settings.items()]
-    facts += [f"* areas held out, one at a time: {', '.join(map(str, folds))}; figures are means over them"]
-    facts += [f"* mcpseg {__version__}, Python {platform.python_version()}, {platform.machine()}, {platform.system()}"]
-    return ["Made by `examples/reproduce_paper.py` with these commands:", "", "```sh", *commands, "```", "", *facts]
+    facts += [
+        f"* areas held out, one at a time: {', '.join(map(str, folds))}; figures are means over them"
+    ]
+    facts += [
+        f"* mcpseg {__version__}, Python {platform.python_version()}, {platform.machine()}, {platform.system()}"
+    ]
+    return [
+        "Made by `examples/reproduce_paper.py` with these commands:",
+        "",
+        "```sh",
+        *commands,
+        "```",
+        "",
+        *facts,
+    ]
 
 
 def _notes(title: str) -> list[str]:

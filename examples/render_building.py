@@ -3,8 +3,9 @@
     python examples/render_building.py b/Area_1 --rooms office_1 hallway_1 -o pictures/
     python examples/render_building.py b/Area_1 --above -o pictures/
 
-The building is whatever 'mcpseg raytrace' reads. Each room gives ROOM.png: from a corner at eye height, in its own
-colours on the left and in those of its classes on the right. ``--above`` draws the floor plan without its ceilings.
+The building is whatever 'mcpseg raytrace' reads. Each room gives ROOM.png: from a corner at eye
+height, in its own colours on the left and in those of its classes on the right. ``--above`` draws
+the floor plan without its ceilings.
 """
 
 import argparse
@@ -22,11 +23,20 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Patch
 
 CLASS_RGB = {
-    "ceiling": (200, 200, 210), "floor": (140, 170, 120), "wall": (190, 190, 150), "beam": (255, 200, 0),
-    "column": (255, 120, 200), "window": (110, 200, 255), "door": (180, 110, 50), "table": (60, 90, 220),
-    "chair": (220, 50, 50), "sofa": (140, 20, 140), "bookcase": (40, 150, 60), "board": (240, 240, 240),
+    "ceiling": (200, 200, 210),
+    "floor": (140, 170, 120),
+    "wall": (190, 190, 150),
+    "beam": (255, 200, 0),
+    "column": (255, 120, 200),
+    "window": (110, 200, 255),
+    "door": (180, 110, 50),
+    "table": (60, 90, 220),
+    "chair": (220, 50, 50),
+    "sofa": (140, 20, 140),
+    "bookcase": (40, 150, 60),
+    "board": (240, 240, 240),
     "clutter": (90, 90, 90),
-}  # fmt: skip
+}
 SIZE = (600, 800)  # height and width of a picture, pixels
 FOCAL = 0.6  # of the width: 80 degrees across
 NEAR = 0.7  # metres; nearer points are left out
@@ -35,7 +45,10 @@ BACKGROUND = 20
 
 
 def look(
-    xyz: NDArray[np.float64], rgb: NDArray[np.uint8], eye: NDArray[np.float64], target: NDArray[np.float64]
+    xyz: NDArray[np.float64],
+    rgb: NDArray[np.uint8],
+    eye: NDArray[np.float64],
+    target: NDArray[np.float64],
 ) -> NDArray[np.uint8]:
     """Draw points in perspective as squares that hide what is behind them.
 
@@ -67,7 +80,14 @@ def look(
         some = order[half[order] == size]
         for shift_row in range(-size, size + 1):
             for shift_column in range(-size, size + 1):
-                _draw(picture, depth, row[some] + shift_row, column[some] + shift_column, view[some, 2], rgb[some])
+                _draw(
+                    picture,
+                    depth,
+                    row[some] + shift_row,
+                    column[some] + shift_column,
+                    view[some, 2],
+                    rgb[some],
+                )
     return picture
 
 
@@ -107,10 +127,14 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     side = np.array([corner & 1, corner >> 1], bool)
     eye = np.append(np.where(side, high[:2] - inset[:2], low[:2] + inset[:2]), low[2] + 1.65)
     target = np.append(np.where(side, low[:2], high[:2]), low[2] + 0.9)
-    pictures = [look(xyz, rgb[rows], eye, target) for rgb in (building.rgb, class_colours(building))]
+    pictures = [
+        look(xyz, rgb[rows], eye, target) for rgb in (building.rgb, class_colours(building))
+    ]
     present = np.unique(building.semantic[rows])
     names = [building.classes[index] for index in present if index < len(building.classes)]
-    legend = [Patch(color="#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]), label=name) for name in names]
+    legend = [
+        Patch(color="#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]), label=name) for name in names
+    ]
     figure, axes = plt.subplots(1, 2, figsize=(16, 6.8))
     for axis, picture in zip(axes, pictures, strict=True):
         axis.imshow(picture)
@@ -125,7 +149,9 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
 def draw_above(building: Building, path: Path) -> None:
     """Draw the building from above without its ceilings, in its colours and in those of its classes."""
     names = np.array(building.classes)
-    height = building.xyz[:, 2] - np.median(building.xyz[building.semantic == np.flatnonzero(names == "floor")[0], 2])
+    height = building.xyz[:, 2] - np.median(
+        building.xyz[building.semantic == np.flatnonzero(names == "floor")[0], 2]
+    )
     keep = (height < 2.0) & ~np.isin(building.semantic, np.flatnonzero(names == "ceiling"))
     order = np.flatnonzero(keep)[np.argsort(height[keep], kind="stable")]
     low, high = building.xyz[order, :2].min(axis=0), building.xyz[order, :2].max(axis=0)
@@ -145,10 +171,16 @@ def draw_above(building: Building, path: Path) -> None:
 
 def main() -> None:
     """Draw what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("building", type=Path)
-    parser.add_argument("--rooms", nargs="*", default=[], help="names; without any, and without --above, all rooms")
-    parser.add_argument("--corner", type=int, default=0, choices=range(4), help="corner of the room to look from")
+    parser.add_argument(
+        "--rooms", nargs="*", default=[], help="names; without any, and without --above, all rooms"
+    )
+    parser.add_argument(
+        "--corner", type=int, default=0, choices=range(4), help="corner of the room to look from"
+    )
     parser.add_argument("--above", action="store_true", help="draw the whole building from above")
     parser.add_argument("-o", "--output", type=Path, default=Path("pictures"))
     arguments = parser.parse_args()
@@ -160,7 +192,9 @@ def main() -> None:
     for name in wanted:
         if name not in building.rooms:
             raise SystemExit(f"{name}: no such room; there are {', '.join(building.rooms)}")
-        draw_room(building, building.rooms.index(name), arguments.output / f"{name}.png", arguments.corner)
+        draw_room(
+            building, building.rooms.index(name), arguments.output / f"{name}.png", arguments.corner
+        )
 
 
 if __name__ == "__main__":

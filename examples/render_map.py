@@ -1,7 +1,8 @@
 """Draw a labelled map in its colours, by class and by object, from above and aslant, on one sheet.
 
-``python examples/render_map.py out/ -o map.png``, after ``mcpseg segment … -o out/``. Single pictures:
-``mcpseg export out/ -o map.png``. Needs Pillow (``pip install 'mcpseg[plot]'``); no display, no graphics card.
+``python examples/render_map.py out/ -o map.png``, after ``mcpseg segment … -o out/``. Single
+pictures: ``mcpseg export out/ -o map.png``. Needs Pillow (``pip install 'mcpseg[plot]'``); no
+display, no graphics card.
 """
 
 import argparse
@@ -31,7 +32,9 @@ def draw_sheet(folder: Path, sheet: Path) -> None:
                 path = Path(scratch) / f"{view}_{colour_by}.png"
                 write_picture(run, path, Selection(), PictureSettings(view, colour_by))
                 with Image.open(path) as picture:
-                    pictures.append(picture.resize((WIDTH, round(WIDTH * picture.height / picture.width))))
+                    pictures.append(
+                        picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)))
+                    )
             rows.append(pictures)
     heights = [max(part.height for part in row) for row in rows]
     whole = Image.new("RGB", (WIDTH * len(COLOURS), sum(heights)), "white")

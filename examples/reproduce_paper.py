@@ -1,16 +1,17 @@
 """Make the paper's tables I, II and III and its figure 5, from nothing or from S3DIS.
 
-    python examples/reproduce_paper.py -o paper/ --quick     # minutes: small buildings, one short epoch
-    python examples/reproduce_paper.py -o paper/             # hours: six synthetic areas, fold 6
-    python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
+    python examples/reproduce_paper.py -o paper/ --quick     # minutes: small buildings, one short
+    epoch python examples/reproduce_paper.py -o paper/             # hours: six synthetic areas,
+    fold 6 python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
 
-Every step is an mcpseg command, printed before it runs; its result stays in the output folder, and a step whose result
-is there is passed over: run the same command again to continue, with more --folds or --methods to add to it. The tables
-are in results.md, table_1.csv to table_3.csv, figure_5.csv and figure_5.png.
+Every step is an mcpseg command, printed before it runs; its result stays in the output folder, and
+a step whose result is there is passed over: run the same command again to continue, with more
+--folds or --methods to add to it. The tables are in results.md, table_1.csv to table_3.csv,
+figure_5.csv and figure_5.png.
 
-The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors, maps/METHOD-holdoutN.ply and
-results/METHOD-holdoutN.*.json (what segment and eval said). Areas and weights made elsewhere can be put there under
-these names.
+The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors,
+maps/METHOD-holdoutN.ply and results/METHOD-holdoutN.*.json (what segment and eval said). Areas and
+weights made elsewhere can be put there under these names.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from pathlib import Path
 
 from paper_tables import METHODS, write_report
 
-_NETWORKS = [method for method in METHODS if method != "region-growing" and not method.endswith("-offline")]
+_NETWORKS = [
+    method for method in METHODS if method != "region-growing" and not method.endswith("-offline")
+]
 _ROOT = Path(__file__).parents[1]
 _COLUMNS = "examples/complete_clouds.py"
 _SMALL_AREAS = 3  # the figure's networks learn from so many, in fewer scans
@@ -69,7 +72,13 @@ class Plan:
         """Give what all results in one folder must have in common."""
         source = str(self.s3dis) if self.s3dis else f"synthetic, seed 1, {self.rooms} rooms"
         areas, training = list(self.areas), {"epochs": self.epochs, "batches": self.batches}
-        return {"source": source, "areas": areas, "step": self.step, "noise": self.noise, **training}
+        return {
+            "source": source,
+            "areas": areas,
+            "step": self.step,
+            "noise": self.noise,
+            **training,
+        }
 
 
 @dataclass(frozen=True)
@@ -96,12 +105,21 @@ class Step:
         if self.result:
             self.result.parent.mkdir(parents=True, exist_ok=True)
         program, *rest = self.command
-        words = ["-m", "mcpseg_cli", *rest] if program == "mcpseg" else [str(_ROOT / rest[0]), *rest[1:]]
+        words = (
+            ["-m", "mcpseg_cli", *rest]
+            if program == "mcpseg"
+            else [str(_ROOT / rest[0]), *rest[1:]]
+        )
         process = subprocess.run(
-            [sys.executable, *words], stdout=subprocess.PIPE if self.result else None, text=True, check=False
+            [sys.executable, *words],
+            stdout=subprocess.PIPE if self.result else None,
+            text=True,
+            check=False,
         )
         if process.returncode:
-            raise SystemExit(f"{line}: exit {process.returncode}; run the same command again to continue")
+            raise SystemExit(
+                f"{line}: exit {process.returncode}; run the same command again to continue"
+            )
         if self.result:
             unfinished = self.result.with_suffix(".part")
             unfinished.write_text(process.stdout)
@@ -135,7 +153,9 @@ def make_area(plan: Plan, number: int, folder: Path, step: float) -> list[Step]:
     return steps
 
 
-def train(plan: Plan, data: Path, net: str, fold: int, *options: str, name: str | None = None) -> Step:
+def train(
+    plan: Plan, data: Path, net: str, fold: int, *options: str, name: str | None = None
+) -> Step:
     """Train a network with one area held out."""
     folder = plan.output / "trained"
     weights = folder / f"{name or f'{net}-holdout{fold}'}.safetensors"
@@ -144,18 +164,49 @@ def train(plan: Plan, data: Path, net: str, fold: int, *options: str, name: str 
         record = weights.with_suffix(".json")
         return weights.is_file() and (is_complete(record) or not record.exists())
 
-    words = ["mcpseg", "train", str(data), "--holdout", str(fold), "--net", net, "--epochs", str(plan.epochs)]
-    words += ["--schedule", "cosine", "--warm-up", "0.1", "--augment", "none", "--precision", "bf16"]
-    words += ["--validation-batches", str(min(300, plan.batches or 300)), "-j", "1", "-o", str(folder), "--resume"]
+    words = [
+        "mcpseg",
+        "train",
+        str(data),
+        "--holdout",
+        str(fold),
+        "--net",
+        net,
+        "--epochs",
+        str(plan.epochs),
+    ]
+    words += [
+        "--schedule",
+        "cosine",
+        "--warm-up",
+        "0.1",
+        "--augment",
+        "none",
+        "--precision",
+        "bf16",
+    ]
+    words += [
+        "--validation-batches",
+        str(min(300, plan.batches or 300)),
+        "-j",
+        "1",
+        "-o",
+        str(folder),
+        "--resume",
+    ]
     words += ["--batches", str(plan.batches)] if plan.batches else []
     words += ["--name", name] if name else []
     return Step((*words, *options), is_trained)
 
 
-def score(plan: Plan, data: Path, fold: int, method: str, weights: str | None, name: str) -> list[Step]:
+def score(
+    plan: Plan, data: Path, fold: int, method: str, weights: str | None, name: str
+) -> list[Step]:
     """Label the area that was held out, and compare with the truth."""
     area, run = data / f"Area_{fold}", plan.output / "runs" / name
-    segment, evaluation = (plan.output / "results" / f"{name}.{kind}.json" for kind in ("segment", "eval"))
+    segment, evaluation = (
+        plan.output / "results" / f"{name}.{kind}.json" for kind in ("segment", "eval")
+    )
 
     def is_labelled() -> bool:
         return segment.is_file() and (evaluation.is_file() or (run / "map.ply").is_file())
@@ -166,7 +217,9 @@ def score(plan: Plan, data: Path, fold: int, method: str, weights: str | None, n
     words += ["--offline"] * method.endswith("-offline")
     return [
         Step((*words, "--json"), is_labelled, segment),
-        Step(("mcpseg", "eval", str(run), str(area / "gt"), "--json"), evaluation.is_file, evaluation),
+        Step(
+            ("mcpseg", "eval", str(run), str(area / "gt"), "--json"), evaluation.is_file, evaluation
+        ),
     ]
 
 
@@ -189,7 +242,12 @@ def table_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
         for method in plan.methods:
             name = f"{method}-holdout{fold}"
             training = list(train_method(plan, method, fold, name))
-            steps.append((name, [*training, *score(plan, data, fold, method, name if training else None, name)]))
+            steps.append(
+                (
+                    name,
+                    [*training, *score(plan, data, fold, method, name if training else None, name)],
+                )
+            )
     return steps
 
 
@@ -215,7 +273,8 @@ def figure_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
     data, fold = plan.output / "small", plan.folds[-1]
     used = [number for number in plan.areas if number != fold][:_SMALL_AREAS]
     steps: list[tuple[str | None, list[Step]]] = [
-        (None, make_area(plan, number, data / f"Area_{number}", plan.step * _SMALL_STEP)) for number in [*used, fold]
+        (None, make_area(plan, number, data / f"Area_{number}", plan.step * _SMALL_STEP))
+        for number in [*used, fold]
     ]
     for count in plan.context_points:
         net, name = "mcpnet" if count else "mcpnet-nocontext", f"context{count}-holdout{fold}"
@@ -230,7 +289,9 @@ def check_settings(plan: Plan) -> None:
     """Refuse a folder whose results were made of other data or in other ways."""
     path = plan.output / "settings.json"
     if path.is_file() and json.loads(path.read_text()) != plan.settings():
-        raise SystemExit(f"{path}: made with other settings; expected {plan.settings()}; choose another -o")
+        raise SystemExit(
+            f"{path}: made with other settings; expected {plan.settings()}; choose another -o"
+        )
     plan.output.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(plan.settings(), indent=1) + "\n")
 
@@ -245,7 +306,9 @@ def run(plan: Plan) -> None:
         if name:
             keep_map(plan, name)
     commands = list(dict.fromkeys(shlex.join(step.command) for _, parts in steps for step in parts))
-    report = write_report(plan.output, plan.methods, plan.folds, plan.context_points, plan.settings(), commands)
+    report = write_report(
+        plan.output, plan.methods, plan.folds, plan.context_points, plan.settings(), commands
+    )
     print(report)
 
 
@@ -256,28 +319,54 @@ def numbers(text: str) -> tuple[int, ...]:
 
 def read_plan(words: list[str] | None = None) -> Plan:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path("paper"), help="folder for everything")
-    parser.add_argument("--s3dis", type=Path, help="folder with Area_1 to Area_6; default: synthetic areas")
-    parser.add_argument("--quick", action="store_true", help="small buildings, short training: minutes, poor scores")
-    parser.add_argument("--areas", type=numbers, default=(1, 2, 3, 4, 5, 6), help="default: 1,2,3,4,5,6")
-    parser.add_argument("--folds", default="6", help="areas to hold out, with commas, or all; default: 6")
-    parser.add_argument("--methods", default=",".join(METHODS), help=f"with commas; default: {','.join(METHODS)}")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("paper"), help="folder for everything"
+    )
+    parser.add_argument(
+        "--s3dis", type=Path, help="folder with Area_1 to Area_6; default: synthetic areas"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="small buildings, short training: minutes, poor scores"
+    )
+    parser.add_argument(
+        "--areas", type=numbers, default=(1, 2, 3, 4, 5, 6), help="default: 1,2,3,4,5,6"
+    )
+    parser.add_argument(
+        "--folds", default="6", help="areas to hold out, with commas, or all; default: 6"
+    )
+    parser.add_argument(
+        "--methods", default=",".join(METHODS), help=f"with commas; default: {','.join(METHODS)}"
+    )
     parser.add_argument("--rooms", type=int, help="of a synthetic area; default: 16")
     parser.add_argument("--epochs", type=int, help="of training; default: 6")
-    parser.add_argument("--batches", type=int, help="of an epoch at most; default: one of every scan")
-    parser.add_argument("--context-points", type=numbers, help="of the figure; default: 0,5,10,25,50,100; '': none")
+    parser.add_argument(
+        "--batches", type=int, help="of an epoch at most; default: one of every scan"
+    )
+    parser.add_argument(
+        "--context-points", type=numbers, help="of the figure; default: 0,5,10,25,50,100; '': none"
+    )
     given = parser.parse_args(words)
     methods, unknown = tuple(given.methods.split(",")), set(given.methods.split(",")) - set(METHODS)
     if unknown:
-        parser.error(f"--methods: {', '.join(sorted(unknown))}; expected some of {', '.join(METHODS)}")
+        parser.error(
+            f"--methods: {', '.join(sorted(unknown))}; expected some of {', '.join(METHODS)}"
+        )
     folds = given.areas if given.folds == "all" else numbers(given.folds)
     if not set(folds) <= set(given.areas) or len(given.areas) < 2:
         parser.error("--folds: expected some of --areas, of which there are two or more")
-    step, rooms, epochs, batches, context = (1.0, 4, 1, 300, (0, 10, 50)) if given.quick else (0.4, 16, 6, None, None)
+    step, rooms, epochs, batches, context = (
+        (1.0, 4, 1, 300, (0, 10, 50)) if given.quick else (0.4, 16, 6, None, None)
+    )
     if given.s3dis:
         step = 1.0 if given.quick else 0.2  # metres; the latter is the paper's (III-A)
-    points = given.context_points if given.context_points is not None else context or (0, 5, 10, 25, 50, 100)
+    points = (
+        given.context_points
+        if given.context_points is not None
+        else context or (0, 5, 10, 25, 50, 100)
+    )
     return Plan(
         given.output, given.s3dis, given.areas, folds, methods, given.rooms or rooms, step,
         0.0 if given.s3dis else 0.004, given.epochs or epochs, given.batches or batches, points,

@@ -12,9 +12,13 @@ segmenter = IncrementalSegmenter.load("mcpnet")
 for source in open_recording(folder / "scans", folder / "poses.csv"):  # your sensor driver here
     scan, _ = read_scan(source, frame="map", voxel_size=0.1)  # or Scan(xyz, rgb, pose, name)
     update = segmenter.register_scan(scan)
-    labels = segmenter.labels(update.point_ids)  # semantic, instance, confidence of every point of the scan
+    labels = segmenter.labels(
+        update.point_ids
+    )  # semantic, instance, confidence of every point of the scan
     ahead = labels.semantic == segmenter.classes.index("door")
-    print(f"{scan.name}: {update.num_new} new voxels, {len(update.merges)} merges, {ahead.sum()} points on doors")
+    print(
+        f"{scan.name}: {update.num_new} new voxels, {len(update.merges)} merges, {ahead.sum()} points on doors"
+    )
 
 for item in sorted(segmenter.objects(), key=lambda item: -item.num_points)[:5]:
     print(f"object {item.id}: {item.class_name}, {item.num_points} points, around {item.centroid}")

@@ -18,10 +18,12 @@ class Building:
         xyz: (N, 3) float32, metres, map frame, z up.
         rgb: (N, 3) uint8.
         semantic: (N,) uint8 index into ``classes``, 255 unknown.
-        instance: (N,) int32 object id, 0 none; ``object_names[id - 1]`` is what the object is called.
+        instance: (N,) int32 object id, 0 none; ``object_names[id - 1]`` is what the object is
+            called.
         classes: Class names.
         rooms: Name of each room.
-        room_starts: (rooms + 1,) int64; room ``r`` holds the points from ``room_starts[r]`` to ``room_starts[r + 1]``.
+        room_starts: (rooms + 1,) int64; room ``r`` holds the points from ``room_starts[r]`` to
+            ``room_starts[r + 1]``.
         object_names: ``room/class_k`` by object; empty when the source does not name them.
     """
 

@@ -12,13 +12,37 @@ MOST_CLASSES = 254
 """Classes of a table at most; the labels above them mean no class."""
 
 S3DIS_CLASSES = (
-    "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa", "bookcase", "board", "clutter",
-)  # fmt: skip
+    "ceiling",
+    "floor",
+    "wall",
+    "beam",
+    "column",
+    "window",
+    "door",
+    "table",
+    "chair",
+    "sofa",
+    "bookcase",
+    "board",
+    "clutter",
+)
 """The 13 classes in the order the S3DIS community uses."""
 
 MCPNET_CLASSES = (
-    "clutter", "board", "bookcase", "beam", "chair", "column", "door", "sofa", "table", "window", "ceiling", "floor", "wall",
-)  # fmt: skip
+    "clutter",
+    "board",
+    "bookcase",
+    "beam",
+    "chair",
+    "column",
+    "door",
+    "sofa",
+    "table",
+    "window",
+    "ceiling",
+    "floor",
+    "wall",
+)
 """The same 13 classes in the order of the MCPNet authors' program and weights."""
 
 
@@ -49,7 +73,8 @@ def remap_table(source: Sequence[str], target: Sequence[str]) -> NDArray[np.uint
         target: Class names they should be in.
 
     Returns:
-        (256,) uint8; ``table[semantic]`` is the label in ``target``, ``UNKNOWN`` for classes ``target`` does not have.
+        (256,) uint8; ``table[semantic]`` is the label in ``target``, ``UNKNOWN`` for classes
+        ``target`` does not have.
     """
     table = np.full(256, UNKNOWN, np.uint8)
     for index, name in enumerate(source):

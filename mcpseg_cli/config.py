@@ -9,18 +9,27 @@ NUM_FEATURES = 6  # X Y Z R G B (III-B)
 HIDDEN = 200  # features of the intermediate layers (III-B)
 EMBEDDING = 50  # dimensions of the instance embedding (III-C)
 BATCH = 256  # N: points per batch of MCPNet (III-D)
-BASELINE_BATCH = 1024  # points per batch of the networks it is compared with, in the authors' program
+BASELINE_BATCH = (
+    1024  # points per batch of the networks it is compared with, in the authors' program
+)
 SIMILARITY = 0.9  # beta of MCPNet (IV-B)
 SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
-OFFLINE_BLOCK = 1.0  # metres, edge of the columns that a complete cloud is labelled in, as in the authors' program
-TRIPLET_MARGIN = 1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
+# metres, edge of the columns that a complete cloud is labelled in, as in the authors' program
+OFFLINE_BLOCK = 1.0
+TRIPLET_MARGIN = (
+    1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
+)
 
 ContextWindow = Literal["cells", "coarse"]
 """Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
-a side around the point, as in the authors' program. Weights carry which of the two they were trained with."""
+a side around the point, as in the authors' program. Weights carry which of the two they were
+trained with.
+"""
 
 Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
-Method = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing"]
+Method = Literal[
+    "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing"
+]
 """What labels: a network, or region growing (table II)."""
 
 Precision = Literal["auto", "fp32", "bf16"]
@@ -31,14 +40,18 @@ FloorRule = Literal["map", "scan-min"]
 class SegmentSettings(BaseModel):
     """Everything that decides the labels of a run; lengths in metres.
 
-    Batch size and similarity, where they are not given, are the network's own; the defaults here are MCPNet's.
+    Batch size and similarity, where they are not given, are the network's own; the defaults here
+    are MCPNet's.
 
     Attributes:
         voxel_size: Edge of a voxel of the look-up table (III-B).
-        local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
-        batch_size: N, points per network batch; networks pool over them, so it is part of the result (III-D).
+        local_range: Points farther than this from the robot, horizontally, are left for a later
+            scan (III-B).
+        batch_size: N, points per network batch; networks pool over them, so it is part of the
+            result (III-D).
         similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
-        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
+        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a
+            number.
         seed: Seed of the context sample and the batch order; keyed with the scan number.
     """
 
@@ -55,7 +68,8 @@ class SegmentSettings(BaseModel):
 class RegionGrowingSettings(BaseModel):
     """Which neighbouring voxels are one surface to region growing (table II).
 
-    The paper gives no numbers; these were chosen on a synthetic building that no table is made with.
+    The paper gives no numbers; these were chosen on a synthetic building that no table is made
+    with.
 
     Attributes:
         reach: Cells from a voxel to the points that decide its normal.
@@ -132,11 +146,14 @@ class TrainSettings(BaseModel):
         class_weight: Weight of the class loss in the sum.
         instance_weight: Weight of the triplet loss, or of SGPN's double hinge, in the sum.
         confidence_weight: Weight of SGPN's confidence loss in the sum.
-        class_balance: What an error costs: the same for all classes, or by the inverse root of their frequency.
+        class_balance: What an error costs: the same for all classes, or by the inverse root of
+            their frequency.
         batches_per_epoch: An epoch ends after so many batches; None: after one of every scan.
         batches_per_step: Batches whose gradients are averaged for one update, in each process.
-        samples_per_instance: Points taken from a random object at a time until a batch is full; 0: all points alike.
-        plain_share: Share of the training batches whose points are drawn alike even so; of validation, all are.
+        samples_per_instance: Points taken from a random object at a time until a batch is full; 0:
+            all points alike.
+        plain_share: Share of the training batches whose points are drawn alike even so; of
+            validation, all are.
         validation_batches: Most batches a validation takes; None: one of every scan.
         validate_every: Epochs from one validation to the next; the last epoch always has one.
         patience: Stop when so many validations in a row were no better; None: never.
@@ -175,16 +192,21 @@ class TrainSettings(BaseModel):
 class SampleSettings(BaseModel):
     """Everything that decides the training samples of an area; lengths in metres.
 
-    Voxels, range and floor must be those of ``SegmentSettings``, or training sees what segmentation does not.
+    Voxels, range and floor must be those of ``SegmentSettings``, or training sees what segmentation
+    does not.
 
     Attributes:
         voxel_size: Edge of a voxel of the look-up table (III-B).
-        local_range: Points farther than this from the robot, horizontally, are left for a later scan (III-B).
-        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a number.
+        local_range: Points farther than this from the robot, horizontally, are left for a later
+            scan (III-B).
+        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a
+            number.
         context_window: Where context points come from.
         num_context: M, context points per point (III-B).
-        seen_again: Of the voxels a scan sees again, how many become samples once more: a later look has more context.
-        seed: Seed of the context sample and of the choice among voxels seen again; keyed with the scan number.
+        seen_again: Of the voxels a scan sees again, how many become samples once more: a later look
+            has more context.
+        seed: Seed of the context sample and of the choice among voxels seen again; keyed with the
+            scan number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -204,18 +226,20 @@ _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 class AugmentSettings(BaseModel):
     """How training batches are changed, each anew; 0 turns a part off. Lengths in metres, colours in 0-255.
 
-    ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``, ``thinning`` and
-    ``floor_lost`` are shares of the batches. The rest, where nothing else is said, is the half-width of a uniform
-    distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.
+    ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``,
+    ``thinning`` and ``floor_lost`` are shares of the batches. The rest, where nothing else is said,
+    is the half-width of a uniform distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.
 
     Attributes:
         turn_deg: Angle about the vertical through the robot.
         mirror: Mirrored across a vertical plane through the robot.
         scale: Of everything, around the robot's foot.
         height_scale: Of heights, on top of that.
-        jitter: Largest standard deviation of a displacement of every point; real sensors and poses scatter.
+        jitter: Largest standard deviation of a displacement of every point; real sensors and poses
+            scatter.
         robot_offset: Of the robot's position, each way: sensors are carried off the robot's centre.
-        floor_error: Standard deviation of the floor's height, which is estimated where there is no truth.
+        floor_error: Standard deviation of the floor's height, which is estimated where there is no
+            truth.
         floor_lost: Floor farther off: as where no floor is in view.
         floor_lost_by: Largest error then; the smallest is a third of it.
         gain: Factor of all colours: exposure.
@@ -224,14 +248,16 @@ class AugmentSettings(BaseModel):
         offset: Added to all colours.
         gamma: Exponent of the colours, as a power of e: 0.3 is an exponent of 0.74 to 1.35.
         hue_deg: Turn of the colours about the grey axis.
-        light_gradient: Brightness that falls off to one side, as a power of e per metre: badly lit rooms.
+        light_gradient: Brightness that falls off to one side, as a power of e per metre: badly lit
+            rooms.
         colour_noise: Largest standard deviation of every point's colour.
         luminance: Colours dropped to their luminance.
         grey: All colours set to the grey that a scan without colour has.
         context_dropout: A part of each point's context replaced by repeating the rest: sparse maps.
         context_dropout_share: Largest part replaced.
         same_scan: Only context that this scan sees: nothing remembered from earlier ones.
-        partial_view: A half-space or a sector around the robot cut away, from the points and their context.
+        partial_view: A half-space or a sector around the robot cut away, from the points and their
+            context.
         thinning: Voxels dropped at random, from the points and their context.
         thinning_share: Largest part dropped.
     """

@@ -11,7 +11,8 @@ def voxel_of(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.int32]:
     """Return the voxel each point falls into: the nearest multiple of ``voxel_size``, halves upwards.
 
     Args:
-        xyz: (N, 3) float32, metres, map frame; finite and within ``MAX_VOXEL`` voxels of the origin.
+        xyz: (N, 3) float32, metres, map frame; finite and within ``MAX_VOXEL`` voxels of the
+            origin.
         voxel_size: Edge of a voxel, metres.
 
     Returns:

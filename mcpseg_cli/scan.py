@@ -1,9 +1,13 @@
 """The record that travels through the pipeline: one registered scan."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    pass
 
 GREY = 128
 """Colour of a scan that has none: the network's colour inputs are then (almost) zero."""
@@ -28,8 +32,12 @@ class Scan:
     def __post_init__(self) -> None:
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3 or self.xyz.dtype != np.float32:
             raise ValueError(f"xyz is {self.xyz.dtype} {self.xyz.shape}, expected float32 (N, 3)")
-        if self.rgb is not None and (self.rgb.shape != self.xyz.shape or self.rgb.dtype != np.uint8):
-            raise ValueError(f"rgb is {self.rgb.dtype} {self.rgb.shape}, expected uint8 {self.xyz.shape}")
+        if self.rgb is not None and (
+            self.rgb.shape != self.xyz.shape or self.rgb.dtype != np.uint8
+        ):
+            raise ValueError(
+                f"rgb is {self.rgb.dtype} {self.rgb.shape}, expected uint8 {self.xyz.shape}"
+            )
         if self.pose.shape != (4, 4):
             raise ValueError(f"pose is {self.pose.shape}, expected (4, 4)")
 
@@ -39,7 +47,9 @@ class Scan:
         return self.pose[:3, 3]
 
 
-def to_map_frame(xyz_sensor: NDArray[np.floating], pose: NDArray[np.float64]) -> NDArray[np.float32]:
+def to_map_frame(
+    xyz_sensor: NDArray[np.floating], pose: NDArray[np.float64]
+) -> NDArray[np.float32]:
     """Move points from the sensor's frame into the map's.
 
     Args:
@@ -64,3 +74,20 @@ def colour_of(scan: Scan, near: NDArray[np.bool_]) -> NDArray[np.uint8]:
     if scan.rgb is None:
         return np.full((int(near.sum()), 3), GREY, np.uint8)
     return scan.rgb[near]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Labels of the points of one cloud.
+
+    Attributes:
+        semantic: (N,) uint8 class index, 255 unknown.
+        instance: (N,) int32 object id, 0 none.
+        confidence: (N,) float32 in 0-1.
+        classes: Class names that ``semantic`` indexes.
+    """
+
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    confidence: NDArray[np.float32]
+    classes: tuple[str, ...] = ()

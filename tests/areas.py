@@ -10,7 +10,9 @@ CLASSES = ("floor", "wall", "table", "lamp")
 STEP = 0.4  # metres the robot moves along x between two scans
 
 
-def write_area(folder: Path, num_scans=5, seed=0, classes=CLASSES, colour=True, unlabelled=False, density=1.0) -> Path:
+def write_area(
+    folder: Path, num_scans=5, seed=0, classes=CLASSES, colour=True, unlabelled=False, density=1.0
+) -> Path:
     """Write scans/, gt/, poses.csv and raytrace.json as ``mcpseg raytrace`` does.
 
     Args:
@@ -32,7 +34,9 @@ def write_area(folder: Path, num_scans=5, seed=0, classes=CLASSES, colour=True, 
         columns = {axis: xyz[:, column] for column, axis in enumerate("xyz")}
         if colour:
             rgb = np.clip(100 + 60 * xyz + rng.normal(0, 10, xyz.shape), 0, 255).astype(np.uint8)
-            columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
+            columns |= {
+                name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))
+            }
         semantic = np.array([classes.index(name) for name in names], np.uint8)
         if unlabelled:
             instance = np.where(rng.random(len(xyz)) < 0.2, 0, instance)
@@ -50,12 +54,19 @@ def _corridor(x, rng, density):
     """Sample a floor (object 1), two walls (2, 3) and a table (4) around ``x``: places, class names, objects."""
     sizes = [int(share * density) for share in (500, 200, 200, 100)]
     along = [rng.uniform(x - 1.8, x + 1.8, size) for size in sizes[:3]]
-    floor = np.stack([along[0], rng.uniform(-1.2, 1.2, sizes[0]), rng.normal(0, 0.005, sizes[0])], axis=1)
+    floor = np.stack(
+        [along[0], rng.uniform(-1.2, 1.2, sizes[0]), rng.normal(0, 0.005, sizes[0])], axis=1
+    )
     walls = [
-        np.stack([along[k], np.full(sizes[k], 1.2 * (2 * k - 3)), rng.uniform(0, 2.0, sizes[k])], axis=1)
+        np.stack(
+            [along[k], np.full(sizes[k], 1.2 * (2 * k - 3)), rng.uniform(0, 2.0, sizes[k])], axis=1
+        )
         for k in (1, 2)
     ]
-    table = np.stack([rng.uniform(0.3, 1.0, sizes[3]), rng.uniform(0.4, 0.9, sizes[3]), np.full(sizes[3], 0.7)], axis=1)
+    table = np.stack(
+        [rng.uniform(0.3, 1.0, sizes[3]), rng.uniform(0.4, 0.9, sizes[3]), np.full(sizes[3], 0.7)],
+        axis=1,
+    )
     objects = np.repeat([1, 2, 3, 4], sizes)
     names = np.array(["", "floor", "wall", "wall", "table"])[objects]
     return np.concatenate([floor, *walls, table]).astype(np.float32), names.tolist(), objects

@@ -16,7 +16,9 @@ BEGIN, END = "<!-- commands: python -m tests.command_reference -->\n", "<!-- end
 
 def reference() -> str:
     """List every command with its arguments and options."""
-    return "\n".join(describe(command.name, command.callback) for command in app.registered_commands)
+    return "\n".join(
+        describe(command.name, command.callback) for command in app.registered_commands
+    )
 
 
 def describe(name, function) -> str:
@@ -24,7 +26,10 @@ def describe(name, function) -> str:
     summary = inspect.getdoc(function).splitlines()[0]
     hints = get_type_hints(function, include_extras=True)
     parameters = inspect.signature(function).parameters.values()
-    rows = [describe_parameter(parameter.name, parameter.default, hints[parameter.name]) for parameter in parameters]
+    rows = [
+        describe_parameter(parameter.name, parameter.default, hints[parameter.name])
+        for parameter in parameters
+    ]
     table = "\n".join(["| | |", "|---|---|", *rows])
     return f"<details><summary><code>mcpseg {name}</code>: {summary}</summary>\n\n{table}\n\n</details>\n"
 
@@ -47,13 +52,20 @@ def describe_parameter(name, default, hint) -> str:
 def placeholder(kind) -> str:
     """Name the kind of value of an option that does not name it."""
     kinds = {kind, *get_args(kind)}
-    return "PATH" if Path in kinds else "N" if int in kinds else "NUMBER" if float in kinds else "TEXT"
+    return (
+        "PATH" if Path in kinds else "N" if int in kinds else "NUMBER" if float in kinds else "TEXT"
+    )
 
 
 def choices(kind) -> list[str]:
     """Give the values of an option that takes one of a few."""
     kinds = [kind, *get_args(kind)]
-    return [value.value for kind in kinds if inspect.isclass(kind) and issubclass(kind, Enum) for value in kind]
+    return [
+        value.value
+        for kind in kinds
+        if inspect.isclass(kind) and issubclass(kind, Enum)
+        for value in kind
+    ]
 
 
 def tidy(text: str) -> str:

@@ -14,7 +14,8 @@ from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
-from mcpseg_cli.segment.run import RunOptions, SegmentRun
+from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.run import SegmentRun
 
 
 class LabelledFolders(NamedTuple):
@@ -46,7 +47,13 @@ def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -
     folder = tmp_path_factory.mktemp("labelled")
     scans, poses = write_recording(folder / "input")
     weights = load_weights(weights_path)
-    run = SegmentRun(open_recording(scans, poses), folder / "out", weights, IncrementalSegmenter(weights), RunOptions())
+    run = SegmentRun(
+        open_recording(scans, poses),
+        folder / "out",
+        weights,
+        IncrementalSegmenter(weights),
+        RunOptions(),
+    )
     with run:
         list(run.run())
         run.write_objects()
@@ -83,9 +90,13 @@ def write_recording(
         columns = {axis: xyz[:, column] for column, axis in enumerate("xyz")}
         if colour:
             rgb = np.clip(100 + 60 * xyz + rng.normal(0, 10, xyz.shape), 0, 255).astype(np.uint8)
-            columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
+            columns |= {
+                name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))
+            }
         write_cloud(scans / f"{number:06d}{suffix}", Cloud(columns))
-        lines.append(f"{number:06d},{0.1 * number:.1f},{robot[0]:.3f},{robot[1]:.3f},{robot[2]:.3f},0,0,0,1")
+        lines.append(
+            f"{number:06d},{0.1 * number:.1f},{robot[0]:.3f},{robot[1]:.3f},{robot[2]:.3f},0,0,0,1"
+        )
     poses = folder / "poses.csv"
     poses.write_text("\n".join(lines) + "\n")
     return scans, poses

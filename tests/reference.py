@@ -31,7 +31,9 @@ class DictVoxelMap:
         return ids
 
     def box(self, low: Voxel, shape: Voxel) -> list[int]:
-        cells = itertools.product(*(range(start, start + size) for start, size in zip(low, shape, strict=True)))
+        cells = itertools.product(
+            *(range(start, start + size) for start, size in zip(low, shape, strict=True))
+        )
         return [self.ids.get(cell, -1) for cell in cells]
 
     def by_blocks(self, low: Voxel, width: int) -> list[int]:
@@ -39,12 +41,17 @@ class DictVoxelMap:
         cells = itertools.product(*(range(start, start + width) for start in low))
         found = [cell for cell in cells if cell in self.ids]
         return [
-            self.ids[cell] for cell in sorted(found, key=lambda cell: ([c // 4 for c in cell], [c % 4 for c in cell]))
+            self.ids[cell]
+            for cell in sorted(
+                found, key=lambda cell: ([c // 4 for c in cell], [c % 4 for c in cell])
+            )
         ]
 
     def neighbours(self, voxel_id: int) -> list[int]:
         x, y, z = voxel_of(self.points[voxel_id], self.voxel_size)
-        offsets = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset != (0, 0, 0)]
+        offsets = [
+            offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset != (0, 0, 0)
+        ]
         return [self.ids.get((x + dx, y + dy, z + dz), -1) for dx, dy, dz in offsets]
 
     def cells_context(self, voxel_id: int) -> set[int]:
@@ -77,7 +84,9 @@ def sample(candidates: list[int], uniform: list[float]) -> list[int]:
     drawn = []
     for k, u in enumerate(uniform):
         done = k if enough else 0
-        pick = done + min(int(np.float32(u) * np.float64(len(candidates) - done)), len(candidates) - done - 1)
+        pick = done + min(
+            int(np.float32(u) * np.float64(len(candidates) - done)), len(candidates) - done - 1
+        )
         drawn.append(candidates[pick])
         candidates[done], candidates[pick] = candidates[pick], candidates[done]
     return drawn

@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 GROUND = {"errors", "config", "classes", "grid", "scan", "building", "resumable"}
 MAY_IMPORT = {
-    **{module: GROUND for module in GROUND},
+    **dict.fromkeys(GROUND, GROUND),
     "networks": GROUND,
     "incremental": GROUND | {"networks"},
     "formats": GROUND,
@@ -25,7 +25,9 @@ MOST_EDGES = 90  # imports between rooms; 276 before each command had its folder
 
 
 def modules() -> list[Path]:
-    return sorted(path for path in PACKAGE.rglob("*.py") if path.parent != PACKAGE or path.name[:2] != "__")
+    return sorted(
+        path for path in PACKAGE.rglob("*.py") if path.parent != PACKAGE or path.name[:2] != "__"
+    )
 
 
 def room_of(path: Path) -> str:
@@ -36,7 +38,9 @@ def imports_of(path: Path) -> list[str]:
     """Names of all imported modules, those inside functions among them."""
     nodes = list(ast.walk(ast.parse(path.read_text())))
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
-    return names + [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+    return names + [
+        node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module
+    ]
 
 
 def rooms_imported(path: Path) -> set[str]:
@@ -72,6 +76,8 @@ def test_help_imports_nothing_heavy():
         "heavy = ('torch', 'numpy', 'numba', 'pydantic', 'scipy', 'open3d', 'laspy')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     assert "Usage" in result.stdout
     assert result.stdout.splitlines()[-1] == "[]"

@@ -19,7 +19,9 @@ _CHECKPOINTS = {
 @pytest.mark.parametrize("name", _CHECKPOINTS)
 def test_network_outputs_equal_the_authors(shared_folder, name):
     answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
-    network, _ = import_checkpoint(shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt")
+    network, _ = import_checkpoint(
+        shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt"
+    )
     context = torch.from_numpy(answers["context"]) if network.needs_context else None
     with torch.inference_mode():
         embedding, logits = network(torch.from_numpy(answers["center"]), context)
@@ -29,7 +31,9 @@ def test_network_outputs_equal_the_authors(shared_folder, name):
 
 def test_voxnet_outputs_equal_the_authors(shared_folder):
     answers = np.load(shared_folder / "reference/forward_parity.npz", allow_pickle=False)
-    network, info = import_checkpoint(shared_folder / "reference/checkpoints/voxnet_model_s3dis_5.ckpt")
+    network, info = import_checkpoint(
+        shared_folder / "reference/checkpoints/voxnet_model_s3dis_5.ckpt"
+    )
     assert info.architecture == "voxnet"
     with torch.inference_mode():
         _, logits = network(torch.from_numpy(answers["voxnet_points"]))
@@ -65,7 +69,9 @@ def segment_building(shared_folder, tmp_path, model: str, precision: str) -> Non
         ("voxnet_model_s3dis_5", 0.503, 0.653, 600),
     ],
 )
-def test_results_on_the_building_are_the_authors(shared_folder, tmp_path, model, accuracy, nmi, instances):
+def test_results_on_the_building_are_the_authors(
+    shared_folder, tmp_path, model, accuracy, nmi, instances
+):
     segment_building(shared_folder, tmp_path, model, "fp32")
     scores = evaluate_run(tmp_path / "fp32", shared_folder / "reference/building/gt").document()
     assert scores["points"] == scores["covered"] == 26754
@@ -88,11 +94,15 @@ def test_the_authors_own_answers_score_what_they_reported(shared_folder, tmp_pat
     from mcpseg_cli.classes import MCPNET_CLASSES
     from mcpseg_cli.formats import Cloud, write_cloud
 
-    answers = np.load(shared_folder / "reference/building/authors_mcpnet_5_voxels.npz", allow_pickle=False)
+    answers = np.load(
+        shared_folder / "reference/building/authors_mcpnet_5_voxels.npz", allow_pickle=False
+    )
     columns = {axis: answers["xyz"][:, column] for column, axis in enumerate("xyz")}
     columns |= {"semantic": answers["semantic"], "instance": answers["instance"]}
     write_cloud(tmp_path / "authors.ply", Cloud(columns, MCPNET_CLASSES))
-    scores = evaluate_run(tmp_path / "authors.ply", shared_folder / "reference/building/gt").document()
+    scores = evaluate_run(
+        tmp_path / "authors.ply", shared_folder / "reference/building/gt"
+    ).document()
     assert scores["point_accuracy"] == pytest.approx(0.784, abs=0.0005)
     assert scores["nmi"] == pytest.approx(0.862, abs=0.0005)
     assert scores["ami"] == pytest.approx(0.8540152492094166, abs=1e-9)

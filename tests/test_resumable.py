@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from mcpseg_cli.errors import StateInUseError
-from mcpseg_cli.lock import exclusive
+from mcpseg_cli.resumable import exclusive
 
 
 def test_a_held_folder_is_refused_and_free_again_afterwards(tmp_path):

@@ -13,8 +13,13 @@ def rectangle(low, high, spacing=SPACING):
     """Sample a box of which one side has no length."""
     low, high = np.array(low, float), np.array(high, float)
     counts = np.maximum(np.ceil((high - low) / spacing).astype(int), 1)
-    axes = [start + (np.arange(n) + 0.5) * (end - start) / n for start, end, n in zip(low, high, counts, strict=True)]
-    return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1).astype(np.float32)
+    axes = [
+        start + (np.arange(n) + 0.5) * (end - start) / n
+        for start, end, n in zip(low, high, counts, strict=True)
+    ]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1).astype(
+        np.float32
+    )
 
 
 def box(low, high):
@@ -35,7 +40,9 @@ def wall(start, end, door=None):
         return rectangle([*start, 0.0], [*end, HEIGHT])
     left, right = list(end), list(start)
     left[axis], right[axis] = door
-    over = rectangle([*right_of(start, axis, door[0]), 2.0], [*right_of(end, axis, door[1]), HEIGHT])
+    over = rectangle(
+        [*right_of(start, axis, door[0]), 2.0], [*right_of(end, axis, door[1]), HEIGHT]
+    )
     return np.concatenate([wall(start, left), over, wall([*right_of(start, axis, door[1])], end)])
 
 
@@ -52,13 +59,19 @@ def room(low, high):
 
 def table(low, high):
     """Sample a table top and its legs."""
-    legs = [box([x, y, 0.0], [x + 0.05, y + 0.05, 0.7]) for x in (low[0], high[0] - 0.05) for y in (low[1], high[1])]
+    legs = [
+        box([x, y, 0.0], [x + 0.05, y + 0.05, 0.7])
+        for x in (low[0], high[0] - 0.05)
+        for y in (low[1], high[1])
+    ]
     return np.concatenate([box([*low, 0.7], [*high, 0.75]), *legs])
 
 
 def three_rooms():
     """Rooms of 4 m x 4 m along x: a doorway between the first two, a closed wall before the third; a table in one."""
-    outside = [wall((0, y), (12, y)) for y in (0.0, 4.0)] + [wall((x, 0), (x, 4)) for x in (0.0, 12.0)]
+    outside = [wall((0, y), (12, y)) for y in (0.0, 4.0)] + [
+        wall((x, 0), (x, 4)) for x in (0.0, 12.0)
+    ]
     inside = [wall((4, 0), (4, 4), door=(1.4, 2.4)), wall((8, 0), (8, 4))]
     return np.concatenate([room((0, 0), (12, 4)), *outside, *inside, table((1.2, 1.4), (2.4, 2.4))])
 
@@ -75,7 +88,10 @@ def offices(rng, num_rooms=4):
             if left > 0:
                 parts.append(wall((left, low), (left, low + 4)))
             x, y = rng.uniform([left + 0.4, low + 1.0], [left + 1.8, low + 2.0])
-            parts += [table((x, y), (x + 1.4, y + 0.8)), box((left + 3, low + 0.2, 0), (left + 3.9, low + 0.6, 2))]
+            parts += [
+                table((x, y), (x + 1.4, y + 0.8)),
+                box((left + 3, low + 0.2, 0), (left + 3.9, low + 0.6, 2)),
+            ]
             parts.append(box((left + 3.2, y, 0.0), (left + 3.7, y + 0.5, 0.5)))
     return np.concatenate(parts)
 
@@ -88,12 +104,16 @@ def building_of(xyz, names, boundaries):
     starts = np.concatenate([[0], np.cumsum(np.bincount(number, minlength=len(names)))])
     nothing = np.zeros(count, np.int32)
     rgb = np.zeros((count, 3), np.uint8)
-    return Building(xyz[order], rgb, nothing.astype(np.uint8), nothing, rooms=names, room_starts=starts)
+    return Building(
+        xyz[order], rgb, nothing.astype(np.uint8), nothing, rooms=names, room_starts=starts
+    )
 
 
 def plan_of(free):
     """Make the plan of a level floor at z = 0.5 m with these free cells."""
-    return FloorPlan(0.2, np.array([-3, 7]), np.full(free.shape, 0.5, np.float32), free, _label(free))
+    return FloorPlan(
+        0.2, np.array([-3, 7]), np.full(free.shape, 0.5, np.float32), free, _label(free)
+    )
 
 
 def random_plan(rng, shape=(30, 24), share=0.3):

@@ -28,7 +28,11 @@ class OneLineErrors(TyperGroup):
         except OSError as error:
             _fail(_explain(error), 1, error)
         except MemoryError as error:
-            _fail("out of memory; expected smaller scans or a smaller range; what is finished is kept", 1, error)
+            _fail(
+                "out of memory; expected smaller scans or a smaller range; what is finished is kept",
+                1,
+                error,
+            )
         except RuntimeError as error:  # numba has no class of its own for this
             if not str(error).startswith(_NO_KERNEL_CACHE):
                 raise
@@ -39,7 +43,11 @@ class OneLineErrors(TyperGroup):
                 error,
             )
         except KeyboardInterrupt as error:
-            _fail("interrupted; what is finished is kept; run the same command again, without --overwrite", 130, error)
+            _fail(
+                "interrupted; what is finished is kept; run the same command again, without --overwrite",
+                130,
+                error,
+            )
 
 
 def _explain(error: OSError) -> str:

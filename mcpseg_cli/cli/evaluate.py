@@ -23,34 +23,45 @@ def evaluate(
         ),
     ],
     as_json: Json = False,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: a line for each run and room.")] = False,
-    rooms: Annotated[bool, typer.Option("--rooms", help="Also print a line for each room that GT names.")] = False,
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="Print CSV: a line for each run and room.")
+    ] = False,
+    rooms: Annotated[
+        bool, typer.Option("--rooms", help="Also print a line for each room that GT names.")
+    ] = False,
     fail_under: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Exit 1 if a figure is below a value; may be repeated."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Exit 1 if a figure is below a value; may be repeated."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Also draw confusion matrix, IoU by class and mIoU over the scans (PNG)."),
+        typer.Option(
+            metavar="DIR",
+            help="Also draw confusion matrix, IoU by class and mIoU over the scans (PNG).",
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Score labelled maps against ground truth.
 
-    Every point of a map, one a voxel, is compared with the nearest true point within half a voxel; of identical
-    clouds, with the same point. What has no true point, or one without class or object, is counted and not scored.
+    Every point of a map, one a voxel, is compared with the nearest true point within half a voxel;
+    of identical clouds, with the same point. What has no true point, or one without class or
+    object, is counted and not scored.
 
-    Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given with a room as the
-    unit, too: means over rooms for points and clusters; objects match within rooms and count together. Panoptic
-    quality takes every class for things; "with_stuff", ceiling, floor and wall for stuff. AP is the ScanNet
-    evaluator's: objects of 100 points and more, ranked by mean confidence; "agnostic" ignores classes.
+    Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given
+    with a room as the unit, too: means over rooms for points and clusters; objects match within
+    rooms and count together. Panoptic quality takes every class for things; "with_stuff", ceiling,
+    floor and wall for stuff. AP is the ScanNet evaluator's: objects of 100 points and more, ranked
+    by mean confidence; "agnostic" ignores classes.
 
-    Of a run's folder, events.jsonl gives the milliseconds per scan, and the labelled scans tell how often voxels
-    changed their class or object when seen again, and how good the map was on the way.
+    Of a run's folder, events.jsonl gives the milliseconds per scan, and the labelled scans tell how
+    often voxels changed their class or object when seen again, and how good the map was on the way.
 
-    Several runs are pooled (confusion matrices summed, objects together) and averaged. --fail-under takes the names
-    that --json prints, such as miou, iou.wall, rooms.ari; of several runs it takes the pooled figure where there is
-    one, else the mean, unless it begins with "pooled." or "mean.".
+    Several runs are pooled (confusion matrices summed, objects together) and averaged. --fail-under
+    takes the names that --json prints, such as miou, iou.wall, rooms.ari; of several runs it takes
+    the pooled figure where there is one, else the mean, unless it begins with "pooled." or "mean.".
 
     \b
     Examples:
@@ -62,7 +73,9 @@ def evaluate(
     from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
     if len(paths) % 2:
-        raise typer.BadParameter(f"{len(paths)} paths; expected pairs of OUT and GT", param_hint="'OUT GT'")
+        raise typer.BadParameter(
+            f"{len(paths)} paths; expected pairs of OUT and GT", param_hint="'OUT GT'"
+        )
     if as_json and as_csv:
         raise typer.BadParameter("goes to stdout as --json does; choose one", param_hint="'--csv'")
     demands = parse_demands(fail_under or [])
@@ -115,7 +128,9 @@ def _document(runs: list[Scores]) -> dict[str, object]:
     return {"runs": documents, "pooled": pool(runs), "mean": average(documents)}
 
 
-def _print(runs: list[Scores], document: dict[str, object], *, as_json: bool, as_csv: bool, rooms: bool) -> None:
+def _print(
+    runs: list[Scores], document: dict[str, object], *, as_json: bool, as_csv: bool, rooms: bool
+) -> None:
     """Print the scores on stdout."""
     import json
 
@@ -136,6 +151,8 @@ def _draw(folder: Path, runs: list[Scores]) -> None:
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
     plot_confusion(folder / "confusion_matrix.png", confusion, runs[0].classes, runs[0].unit)
     plot_class_iou(folder / "class_iou.png", confusion, runs[0].classes)
-    curves = {str(run.output): run.followed.curve for run in runs if run.followed and run.followed.curve}
+    curves = {
+        str(run.output): run.followed.curve for run in runs if run.followed and run.followed.curve
+    }
     if curves:
         plot_over_scans(folder / "miou_over_scans.png", curves)

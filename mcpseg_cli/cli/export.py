@@ -32,46 +32,70 @@ def export(
     ],
     outputs: Annotated[
         list[Path],
-        typer.Option("-o", "--output", help="What to write, told by its ending; may be given several times."),
+        typer.Option(
+            "-o", "--output", help="What to write, told by its ending; may be given several times."
+        ),
     ],
     color: Annotated[
         ColourChoice | None,
-        typer.Option(help="What the colours of points say; default: rgb in clouds, class elsewhere."),
+        typer.Option(
+            help="What the colours of points say; default: rgb in clouds, class elsewhere."
+        ),
     ] = None,
     class_names: Annotated[
-        str | None, typer.Option("--class", metavar="NAME,NAME", help="Only points (objects) of these classes.")
+        str | None,
+        typer.Option(
+            "--class", metavar="NAME,NAME", help="Only points (objects) of these classes."
+        ),
     ] = None,
-    instances: Annotated[str | None, typer.Option("--instance", metavar="ID,ID", help="Only these objects.")] = None,
+    instances: Annotated[
+        str | None, typer.Option("--instance", metavar="ID,ID", help="Only these objects.")
+    ] = None,
     min_confidence: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="Only points (objects) of at least this confidence.")
+        float | None,
+        typer.Option(min=0.0, max=1.0, help="Only points (objects) of at least this confidence."),
     ] = None,
     box: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z,X,Y,Z", help="Only points (centroids) between these two corners, metres."),
+        typer.Option(
+            metavar="X,Y,Z,X,Y,Z", help="Only points (centroids) between these two corners, metres."
+        ),
     ] = None,
     scans: Annotated[
         Path | None,
-        typer.Option(help="Folder of the input scans: write each with the final map's labels into the folder -o."),
+        typer.Option(
+            help="Folder of the input scans: write each with the final map's labels into the folder -o."
+        ),
     ] = None,
     split: Annotated[
-        CloudFormat | None, typer.Option(help="Write a cloud of this format for each object into the folder -o.")
+        CloudFormat | None,
+        typer.Option(help="Write a cloud of this format for each object into the folder -o."),
     ] = None,
-    view: Annotated[ViewChoice, typer.Option(help="Where a picture is seen from.")] = ViewChoice.CUT,
+    view: Annotated[
+        ViewChoice, typer.Option(help="Where a picture is seen from.")
+    ] = ViewChoice.CUT,
     cut: Annotated[
-        float, typer.Option(metavar="METRES", help="Pictures leave out what is higher above the floor; inf: nothing.")
+        float,
+        typer.Option(
+            metavar="METRES",
+            help="Pictures leave out what is higher above the floor; inf: nothing.",
+        ),
     ] = 2.0,
     yaw: Annotated[
-        float | None, typer.Option(metavar="DEGREES", help="Turn of a picture's view; default: 0 for top, else 30.")
+        float | None,
+        typer.Option(
+            metavar="DEGREES", help="Turn of a picture's view; default: 0 for top, else 30."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a labelled map for other programs.
 
-    The ending of each -o says what is written. Clouds: .ply .las .laz .pcd .npz .h5 .e57. Objects: .json .csv .geojson.
-    Pictures: .png, and .gif turns once around. To walk through: .html, a page that needs no network, and .rrd for the
-    Rerun viewer. Weights: .onnx. Nothing is ever written into OUT, and a run that is in
-    progress is exported as it is at that moment.
+    The ending of each -o says what is written. Clouds: .ply .las .laz .pcd .npz .h5 .e57. Objects:
+    .json .csv .geojson. Pictures: .png, and .gif turns once around. To walk through: .html, a page
+    that needs no network, and .rrd for the Rerun viewer. Weights: .onnx. Nothing is ever written
+    into OUT, and a run that is in progress is exported as it is at that moment.
 
     \b
     Examples:
@@ -125,7 +149,11 @@ def _export_run(folder: Path, outputs: list[Path], request: _Request, advance: A
     with LabelledRun(folder) as run:
         for output in outputs:
             run.on_part = partial(advance, output.name)
-            done = _export_file(run, output, request) if output.suffix else _fill_folder(run, output, request, advance)
+            done = (
+                _export_file(run, output, request)
+                if output.suffix
+                else _fill_folder(run, output, request, advance)
+            )
             typer.echo(f"{output}: {done}")
 
 
@@ -158,7 +186,9 @@ def _draw(run: LabelledRun, output: Path, request: _Request) -> str:
     try:
         from mcpseg_cli.export.picture import write_picture, write_turntable
     except ModuleNotFoundError as error:
-        raise OutputError(f"{output}: needs {error.name}; expected it installed; pip install 'mcpseg[plot]'") from error
+        raise OutputError(
+            f"{output}: needs {error.name}; expected it installed; pip install 'mcpseg[plot]'"
+        ) from error
     if output.suffix.lower() == ".gif":
         return f"{write_turntable(run, output, request.selection, request.pictures):,} points"
     return f"{write_picture(run, output, request.selection, request.pictures):,} points"
@@ -195,10 +225,14 @@ def _progress(*, quiet: bool) -> Iterator[Advance]:
 
     with progress_bar("export", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
-        yield lambda name, completed, total: bar.update(task, completed=completed, total=total, state=name)
+        yield lambda name, completed, total: bar.update(
+            task, completed=completed, total=total, state=name
+        )
 
 
-def _selection(classes: str | None, instances: str | None, min_confidence: float | None, box: str | None) -> Selection:
+def _selection(
+    classes: str | None, instances: str | None, min_confidence: float | None, box: str | None
+) -> Selection:
     """Read what is to be exported from the command line."""
     from mcpseg_cli.export.selection import Selection
 
@@ -206,10 +240,15 @@ def _selection(classes: str | None, instances: str | None, min_confidence: float
         ids = None if instances is None else tuple(int(word) for word in instances.split(","))
         corners = None if box is None else tuple(float(word) for word in box.split(","))
     except ValueError as error:
-        raise typer.BadParameter(f"--instance takes whole numbers, --box numbers, parted by commas: {error}") from error
+        raise typer.BadParameter(
+            f"--instance takes whole numbers, --box numbers, parted by commas: {error}"
+        ) from error
     if corners is not None and (
-        len(corners) != 6 or not all(low <= high for low, high in zip(corners[:3], corners[3:], strict=True))
+        len(corners) != 6
+        or not all(low <= high for low, high in zip(corners[:3], corners[3:], strict=True))
     ):
-        raise typer.BadParameter("--box takes x,y,z of the lowest corner, then x,y,z of the highest")
+        raise typer.BadParameter(
+            "--box takes x,y,z of the lowest corner, then x,y,z of the highest"
+        )
     names = None if classes is None else tuple(name.strip() for name in classes.split(","))
     return Selection(names, ids, min_confidence, corners)

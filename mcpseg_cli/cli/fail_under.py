@@ -27,7 +27,9 @@ def parse_demands(demands: Sequence[str]) -> dict[str, float]:
         except ValueError:
             value = float("nan")
         if not name or not abs(value) < float("inf"):
-            raise typer.BadParameter(f"{demand!r} is not a figure and a number, such as miou=0.35", param_hint=_HINT)
+            raise typer.BadParameter(
+                f"{demand!r} is not a figure and a number, such as miou=0.35", param_hint=_HINT
+            )
         parsed[name.strip()] = max(value, parsed.get(name.strip(), value))
     return parsed
 
@@ -45,8 +47,14 @@ def check_names(demands: Mapping[str, float], document: Mapping[str, object]) ->
     figures = bounded_figures(document)
     for name in demands:
         if name not in figures:
-            listed = [known for known in figures if ".by_room." not in known and not known.startswith(_PARTS)]
-            raise typer.BadParameter(f"no figure {name!r}; there are {', '.join(listed)}", param_hint=_HINT)
+            listed = [
+                known
+                for known in figures
+                if ".by_room." not in known and not known.startswith(_PARTS)
+            ]
+            raise typer.BadParameter(
+                f"no figure {name!r}; there are {', '.join(listed)}", param_hint=_HINT
+            )
 
 
 def check_demands(demands: Mapping[str, float], document: Mapping[str, object]) -> None:

@@ -10,14 +10,18 @@ from mcpseg_cli.cli.options import OutputFile, Overwrite
 
 def import_weights(
     checkpoint: Annotated[
-        Path, typer.Argument(metavar="CHECKPOINT", help="TensorFlow checkpoint, e.g. mcpnet_model_s3dis_5.ckpt.")
+        Path,
+        typer.Argument(
+            metavar="CHECKPOINT", help="TensorFlow checkpoint, e.g. mcpnet_model_s3dis_5.ckpt."
+        ),
     ],
     output: OutputFile,
     overwrite: Overwrite = False,
 ) -> None:
     """Convert weights of the MCPNet authors.
 
-    Reads a TensorFlow checkpoint of theirs, of MCPNet (with or without context) or VoxNet; TensorFlow is not needed.
+    Reads a TensorFlow checkpoint of theirs, of MCPNet (with or without context) or VoxNet;
+    TensorFlow is not needed.
 
     Example:
       mcpseg import-weights mcpnet_model_s3dis_5.ckpt -o area5.safetensors
@@ -29,7 +33,9 @@ def import_weights(
     if output.suffix != ".safetensors":
         raise typer.BadParameter(f"{output}: weights files end in .safetensors")
     if output.exists() and not overwrite:
-        raise OutputError(f"{output}: exists; expected a new file; choose another -o or give --overwrite")
+        raise OutputError(
+            f"{output}: exists; expected a new file; choose another -o or give --overwrite"
+        )
     prefix = checkpoint.with_suffix("") if checkpoint.suffix == ".index" else checkpoint
     network, info = import_checkpoint(prefix)
     save_weights(output, network, info)

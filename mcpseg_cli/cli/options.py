@@ -81,21 +81,32 @@ class OnErrorChoice(StrEnum):
     SKIP = "skip"
 
 
-OutputFolder = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")]
+OutputFolder = Annotated[
+    Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")
+]
 OutputFile = Annotated[Path, typer.Option("-o", "--output", help="File to write.")]
 WeightsName = Annotated[
     str | None,
     typer.Option(
-        "-w", "--weights", help="A .safetensors file, or the name of bundled weights.  [default: the method's]"
+        "-w",
+        "--weights",
+        help="A .safetensors file, or the name of bundled weights.  [default: the method's]",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random choice.")]
 Device = Annotated[str, typer.Option("--device", help="Where the network runs: cpu, cuda, …")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
+]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no notices.")]
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")]
+Verbose = Annotated[
+    bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")]
-Jobs = Annotated[int | None, typer.Option("-j", "--jobs", min=1, help="Threads or processes; default: all cores.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option("-j", "--jobs", min=1, help="Threads or processes; default: all cores."),
+]
 
 
 def number_of_jobs(jobs: int | None) -> int:

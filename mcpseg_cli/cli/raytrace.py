@@ -35,40 +35,64 @@ def raytrace(
     areas: Annotated[
         list[Path],
         typer.Argument(
-            metavar="AREA", help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ)."
+            metavar="AREA",
+            help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ).",
         ),
     ],
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Folder for the scans; for several areas, a folder in it each.  [default: data/AREA]"
+            "-o",
+            "--output",
+            help="Folder for the scans; for several areas, a folder in it each.  [default: data/AREA]",
         ),
     ] = None,
     step: Annotated[float, typer.Option(metavar="METRES", help="Way between two scans.")] = 0.2,
     waypoints: Annotated[
         Path | None,
-        typer.Option(help="File of 'x y' lines to drive past; default: scan_spots.txt of the area, else automatic."),
+        typer.Option(
+            help="File of 'x y' lines to drive past; default: scan_spots.txt of the area, else automatic."
+        ),
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Also draw floor plan, route and scan positions (PNG).")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw floor plan, route and scan positions (PNG).")
+    ] = None,
     scanner: Annotated[
-        ScannerChoice, typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program.")
+        ScannerChoice,
+        typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program."),
     ] = ScannerChoice.PAPER,
-    v_min: Annotated[_Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")] = None,
-    v_max: Annotated[_Degrees, typer.Option(metavar="DEGREES", help="Elevation that rays stay below.")] = None,
-    h_res: Annotated[float, typer.Option(metavar="DEGREES", help="Horizontal angle between rays.")] = 1.0,
-    v_res: Annotated[float, typer.Option(metavar="DEGREES", help="Vertical angle between rays.")] = 1.0,
-    reach: Annotated[
-        _Metres, typer.Option("--range", metavar="METRES", help="Reach of the scanner.  [default: 5]")
+    v_min: Annotated[
+        _Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")
     ] = None,
-    height: Annotated[float, typer.Option(metavar="METRES", help="Height of the scanner over the floor.")] = 1.0,
-    voxel_size: Annotated[float, typer.Option(metavar="METRES", help="Edge of a voxel: one point a scan each.")] = 0.1,
-    noise: Annotated[float, typer.Option(metavar="METRES", help="Standard deviation of the measured range.")] = 0.0,
+    v_max: Annotated[
+        _Degrees, typer.Option(metavar="DEGREES", help="Elevation that rays stay below.")
+    ] = None,
+    h_res: Annotated[
+        float, typer.Option(metavar="DEGREES", help="Horizontal angle between rays.")
+    ] = 1.0,
+    v_res: Annotated[
+        float, typer.Option(metavar="DEGREES", help="Vertical angle between rays.")
+    ] = 1.0,
+    reach: Annotated[
+        _Metres,
+        typer.Option("--range", metavar="METRES", help="Reach of the scanner.  [default: 5]"),
+    ] = None,
+    height: Annotated[
+        float, typer.Option(metavar="METRES", help="Height of the scanner over the floor.")
+    ] = 1.0,
+    voxel_size: Annotated[
+        float, typer.Option(metavar="METRES", help="Edge of a voxel: one point a scan each.")
+    ] = 0.1,
+    noise: Annotated[
+        float, typer.Option(metavar="METRES", help="Standard deviation of the measured range.")
+    ] = 0.0,
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
     format: Annotated[FormatChoice, typer.Option(help="Format of the clouds.")] = FormatChoice.PLY,  # noqa: A002
     cache: Annotated[
-        Path | None, typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]")
+        Path | None,
+        typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]"),
     ] = None,
     jobs: Jobs = None,
     seed: Seed = 0,
@@ -78,9 +102,10 @@ def raytrace(
 ) -> None:
     """Drive a robot through known buildings and scan them.
 
-    A scan every --step metres, 360 x 180 degrees, one point for every voxel that a ray ends in. The output folder gets
-    scans/ (no labels), gt/ (the same points with semantic and instance), poses.csv and raytrace.json: what
-    'mcpseg segment' and 'mcpseg eval' read. Run the same command again to continue after an interruption.
+    A scan every --step metres, 360 x 180 degrees, one point for every voxel that a ray ends in. The
+    output folder gets scans/ (no labels), gt/ (the same points with semantic and instance),
+    poses.csv and raytrace.json: what 'mcpseg segment' and 'mcpseg eval' read. Run the same command
+    again to continue after an interruption.
 
     \b
     Examples:
@@ -98,13 +123,21 @@ def raytrace(
     settings = _settings(
         preset
         | {name: value for name, value in chosen.items() if value is not None}
-        | {"voxel_size": voxel_size, "step": step, "height": height, "horizontal_deg": h_res, "vertical_deg": v_res}
+        | {
+            "voxel_size": voxel_size,
+            "step": step,
+            "height": height,
+            "horizontal_deg": h_res,
+            "vertical_deg": v_res,
+        }
         | {"noise": noise, "dropout": dropout, "seed": seed}
     )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")
-    task = _Task(settings, f".{format.value}", number_of_jobs(jobs), cache, overwrite, quiet, as_json)
+    task = _Task(
+        settings, f".{format.value}", number_of_jobs(jobs), cache, overwrite, quiet, as_json
+    )
     documents = []
     for area, folder in zip(areas, folders, strict=True):
         documents.append(task.trace(area, folder, waypoints, plot))
@@ -118,7 +151,9 @@ def _folders(areas: list[Path], output: Path | None) -> list[Path]:
     """Choose the folder of each area's scans."""
     names = [_name_of(area) if area.is_dir() else area.stem for area in areas]
     if len(set(names)) < len(names):
-        raise typer.BadParameter("two areas have the same name; trace them one at a time, each with its own -o")
+        raise typer.BadParameter(
+            "two areas have the same name; trace them one at a time, each with its own -o"
+        )
     if output is None:
         return [Path("data") / name for name in names]
     return [output] if len(areas) == 1 else [output / name for name in names]
@@ -145,10 +180,18 @@ def _settings(values: dict[str, float]) -> RaytraceSettings:
 
 
 _OPTIONS = {
-    "voxel_size": "--voxel-size", "lowest_deg": "--v-min", "highest_deg": "--v-max", "reach": "--range",
-    "horizontal_deg": "--h-res", "vertical_deg": "--v-res", "step": "--step", "height": "--height",
-    "noise": "--noise", "dropout": "--dropout", "seed": "--seed",
-}  # fmt: skip
+    "voxel_size": "--voxel-size",
+    "lowest_deg": "--v-min",
+    "highest_deg": "--v-max",
+    "reach": "--range",
+    "horizontal_deg": "--h-res",
+    "vertical_deg": "--v-res",
+    "step": "--step",
+    "height": "--height",
+    "noise": "--noise",
+    "dropout": "--dropout",
+    "seed": "--seed",
+}
 
 
 class _Task:
@@ -167,12 +210,14 @@ class _Task:
         self.settings, self.suffix, self.jobs, self.cache = settings, suffix, jobs, cache
         self.overwrite, self.quiet, self.show = overwrite, quiet, not (quiet or as_json)
 
-    def trace(self, area: Path, folder: Path, given: Path | None, plot: Path | None) -> dict[str, object]:
+    def trace(
+        self, area: Path, folder: Path, given: Path | None, plot: Path | None
+    ) -> dict[str, object]:
         """Trace one area; return what there is to say about it."""
-        from mcpseg_cli.lock import exclusive
         from mcpseg_cli.raytrace.drive import find_waypoints
         from mcpseg_cli.raytrace.route_plot import plot_route
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
+        from mcpseg_cli.resumable import exclusive
 
         started = perf_counter()
         waypoints = find_waypoints(area, given)
@@ -230,8 +275,13 @@ class _Task:
         if drive.unreachable:
             notice(f"mcpseg: cannot be reached: {', '.join(drive.unreachable)}", quiet=self.quiet)
         if drive.hardly_reached:
-            rooms = ", ".join(f"{room} ({share:.0%})" for room, share in drive.hardly_reached.items())
-            notice(f"mcpseg: less than half of the free floor can be reached in: {rooms}", quiet=self.quiet)
+            rooms = ", ".join(
+                f"{room} ({share:.0%})" for room, share in drive.hardly_reached.items()
+            )
+            notice(
+                f"mcpseg: less than half of the free floor can be reached in: {rooms}",
+                quiet=self.quiet,
+            )
         if len(drive.route.skipped):
             places = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in drive.route.skipped.tolist())
             notice(f"mcpseg: waypoints not on free floor, skipped: {places}", quiet=self.quiet)
@@ -262,7 +312,8 @@ def _document(run: RaytraceRun, building: Building, seconds: float) -> dict[str,
     return {
         **{key: run.record[key] for key in keys},
         "building_points": len(building),
-        "objects": len(building.object_names) or int(np.count_nonzero(np.unique(building.instance) > 0)),
+        "objects": len(building.object_names)
+        or int(np.count_nonzero(np.unique(building.instance) > 0)),
         "output": str(run.folder),
         "seconds": round(seconds, 2),
         "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
@@ -274,7 +325,10 @@ def _rows(document: dict[str, object]) -> list[tuple[str, str]]:
     route = document["route"]
     assert isinstance(route, dict)
     return [
-        ("building", f"{document['source']}: {document['building_points']:,} points, {document['objects']:,} objects"),
+        (
+            "building",
+            f"{document['source']}: {document['building_points']:,} points, {document['objects']:,} objects",
+        ),
         ("route", f"{route['length_m']:,.1f} m past {route['waypoints']:,} waypoints"),
         ("scans", f"{document['scans']:,}, {document['points']:,} points"),
         ("voxels seen", f"{document['voxels_seen']:,} of {document['voxels']:,}"),

@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mcpseg_cli.cli.score_sections import SECTIONS
 from mcpseg_cli.evaluate.dotted_names import Figure, flatten
 from mcpseg_cli.evaluate.run import Scores
 
@@ -29,7 +28,8 @@ class Block:
 
     Attributes:
         title: The heading.
-        columns: Titles of the columns behind the name, those that have a value; a single one is not printed.
+        columns: Titles of the columns behind the name, those that have a value; a single one is not
+            printed.
         rows: The name and the value in each column.
     """
 
@@ -38,7 +38,9 @@ class Block:
     rows: tuple[tuple[str, ...], ...]
 
 
-def score_blocks(runs: Sequence[Scores], document: Mapping[str, object], *, with_rooms: bool) -> list[Block]:
+def score_blocks(
+    runs: Sequence[Scores], document: Mapping[str, object], *, with_rooms: bool
+) -> list[Block]:
     """Lay out the scores of one or several runs.
 
     Args:
@@ -60,10 +62,16 @@ def score_blocks(runs: Sequence[Scores], document: Mapping[str, object], *, with
     }
     blocks = []
     for title, names in SECTIONS:
-        used = [column for column in columns if any(row[1] != "-" for name in names for row in _rows(name, [column]))]
+        used = [
+            column
+            for column in columns
+            if any(row[1] != "-" for name in names for row in _rows(name, [column]))
+        ]
         rows = [row for name in names for row in _rows(name, used)]
         if rows:
-            blocks.append(Block(title.format(**facts), tuple(title for title, _ in used), tuple(rows)))
+            blocks.append(
+                Block(title.format(**facts), tuple(title for title, _ in used), tuple(rows))
+            )
     if with_rooms:
         blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
     return blocks
@@ -81,7 +89,10 @@ def print_blocks(blocks: Sequence[Block]) -> None:
         typer.echo(f"# {block.title}")
         lines = [("", *block.columns)] if len(block.columns) > 1 else []
         lines += block.rows
-        widths = [max(9, *(len(line[column]) for line in lines)) for column in range(1, len(block.columns) + 1)]
+        widths = [
+            max(9, *(len(line[column]) for line in lines))
+            for column in range(1, len(block.columns) + 1)
+        ]
         for name, *values in lines:
             cells = (f"{value:>{size}}" for value, size in zip(values, widths, strict=True))
             typer.echo(f"{name:<{width}}  {'  '.join(cells)}")
@@ -97,13 +108,20 @@ def print_csv(runs: Sequence[Scores], document: Mapping[str, object]) -> None:
         lines.append({**named, **flatten(whole)})
         if run.rooms and isinstance(rooms, dict):
             by_room = rooms.pop("by_room")
-            lines += [{**named, "scored_over": "room", "room": name, **flatten(by_room[name])} for name in by_room]
+            lines += [
+                {**named, "scored_over": "room", "room": name, **flatten(by_room[name])}
+                for name in by_room
+            ]
             lines.append({**named, "room": "(mean)", **flatten(rooms)})
     for part in ("pooled", "mean"):
         figures = document.get(part)
         if isinstance(figures, dict):
             lines.append({"out": f"({part})", **flatten(figures)})
-    names = list(dict.fromkeys(["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]))
+    names = list(
+        dict.fromkeys(
+            ["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]
+        )
+    )
     writer = csv.DictWriter(sys.stdout, names, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
@@ -119,13 +137,17 @@ def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Col
         title = f"by room ({len(runs[0].rooms.rooms)})"
         return [("whole map", whole), (title, _without("rooms.", flat))]
     parts = [("pooled", document["pooled"]), ("mean", document["mean"])]
-    columns: list[Column] = [(name, flatten(run.document())) for name, run in zip(_names(runs), runs, strict=True)]
+    columns: list[Column] = [
+        (name, flatten(run.document())) for name, run in zip(_names(runs), runs, strict=True)
+    ]
     return columns + [(title, flatten(part)) for title, part in parts if isinstance(part, Mapping)]
 
 
 def _without(prefix: str, flat: Mapping[str, Figure]) -> dict[str, Figure]:
     """Take the figures whose names have the prefix, without it."""
-    return {name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)}
+    return {
+        name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)
+    }
 
 
 def _names(runs: Sequence[Scores]) -> list[str]:
@@ -171,10 +193,99 @@ def _room_block(run: Scores, is_named: bool) -> Block:
 def _print_rich(console: Console, block: Block) -> None:
     """Print one block as a table."""
     console.print(Text(block.title, style="bold cyan"))
-    table = Table(box=None, pad_edge=False, show_header=len(block.columns) > 1, padding=(0, 2, 0, 2))
+    table = Table(
+        box=None, pad_edge=False, show_header=len(block.columns) > 1, padding=(0, 2, 0, 2)
+    )
     table.add_column("")
     for title in block.columns:
         table.add_column(Text(title, style="bold"), justify="right")
     for row in block.rows:
         table.add_row(*(Text(value) for value in row))
     console.print(table, markup=False, highlight=False, emoji=False)
+
+
+_CLUSTERS = (
+    "objects_true",
+    "objects_pred",
+    "cluster_ratio",
+    "nmi",
+    "ami",
+    "ari",
+    "homogeneity",
+    "completeness",
+    "v_measure",
+)
+
+
+_OBJECTS = ("object_accuracy", "precision_50", "mcov", "mwcov", "mprec", "mrec")
+
+
+_PANOPTIC = (
+    "pq",
+    "sq",
+    "rq",
+    "pq_with_stuff",
+    "sq_with_stuff",
+    "rq_with_stuff",
+    "pq_things",
+    "pq_stuff",
+    "pq_dagger",
+)
+
+
+_PRECISION = ("ap", "ap50", "ap25", "ap_agnostic", "ap50_agnostic", "ap25_agnostic")
+
+
+_ALL_OBJECTS = (*_OBJECTS, *_PANOPTIC, *_PRECISION)
+
+
+SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "points (unit: {unit}, {over}; pairing: {pairing}; class table from: {classes_from})",
+        (
+            "points",
+            "covered",
+            "uncovered",
+            "labelled",
+            "unlabelled",
+            "unpredicted",
+            "in_objects",
+            "truth_points",
+            "truth_uncovered",
+            "without_room",
+        ),
+    ),
+    (
+        "classes (unit: {unit}, {over}; absent classes count 0 in miou, are left out of miou_present)",
+        ("point_accuracy", "mean_class_accuracy", "miou", "miou_present", "iou."),
+    ),
+    ("clusters ({over}; {unit}s of true objects, classes ignored)", _CLUSTERS),
+    ("objects ({over}; IoU over 0.5 and same class)", _OBJECTS),
+    (
+        "panoptic quality ({over}; every class a thing; with_stuff: ceiling, floor and wall are stuff)",
+        _PANOPTIC,
+    ),
+    (
+        "average precision ({over}; as ScanNet: IoU 0.50 to 0.90, {min_points} {unit}s and more; "
+        "ranked by {ranked_by})",
+        _PRECISION,
+    ),
+    (
+        "by room: points and clusters are means over rooms, objects match within rooms",
+        tuple(
+            f"rooms.{name}"
+            for name in ("rooms", "point_accuracy", "miou_present", *_CLUSTERS, *_ALL_OBJECTS)
+        ),
+    ),
+    ("scans", ("scans", "skipped")),
+    ("milliseconds per scan, reading and writing included (events.jsonl)", ("ms_per_scan.",)),
+    (
+        "stability of labels (unit: {unit} in a scan, against the scan that saw it before)",
+        ("stability.",),
+    ),
+    (
+        "map so far, mean over all scans",
+        ("over_scans.mean_miou_present", "over_scans.mean_point_accuracy"),
+    ),
+)
+"""Headings, and the figures under each: dotted names, or all below a name that ends in a dot."""

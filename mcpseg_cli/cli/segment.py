@@ -39,9 +39,14 @@ if TYPE_CHECKING:
 def segment(
     scans: Annotated[
         Path,
-        typer.Argument(metavar="SCANS", help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order."),
+        typer.Argument(
+            metavar="SCANS",
+            help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.",
+        ),
     ],
-    poses: Annotated[Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")],
+    poses: Annotated[
+        Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")
+    ],
     output: OutputFolder,
     weights: WeightsName = None,
     method: Annotated[
@@ -58,11 +63,19 @@ def segment(
             help="Read all scans first, then label the complete cloud in columns of 1 m; in one transaction.",
         ),
     ] = False,
-    frame: Annotated[FrameChoice, typer.Option(help="Frame of the scans' coordinates.")] = FrameChoice.MAP,
-    voxel_size: Annotated[float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")] = 0.1,
+    frame: Annotated[
+        FrameChoice, typer.Option(help="Frame of the scans' coordinates.")
+    ] = FrameChoice.MAP,
+    voxel_size: Annotated[
+        float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
+    ] = 0.1,
     local_range: Annotated[
         float,
-        typer.Option("--range", metavar="METRES", help="Label points up to this far from the robot, horizontally."),
+        typer.Option(
+            "--range",
+            metavar="METRES",
+            help="Label points up to this far from the robot, horizontally.",
+        ),
     ] = 2.0,
     similarity: Annotated[
         float | None,
@@ -74,11 +87,13 @@ def segment(
     floor: Annotated[
         str,
         typer.Option(
-            metavar="map|scan-min|METRES", help="Height of the floor: seen in the map, lowest point, or known."
+            metavar="map|scan-min|METRES",
+            help="Height of the floor: seen in the map, lowest point, or known.",
         ),
     ] = "map",
     format: Annotated[  # noqa: A002
-        FormatChoice | None, typer.Option(help="Format of the labelled scans; default: each scan's own.")
+        FormatChoice | None,
+        typer.Option(help="Format of the labelled scans; default: each scan's own."),
     ] = None,
     on_error: Annotated[
         OnErrorChoice, typer.Option(help="What to do about a scan that cannot be read.")
@@ -102,16 +117,18 @@ def segment(
 ) -> None:
     """Label a recording scan by scan.
 
-    Every point gets a class and an object id, and one labelled map grows. The output folder gets map.ply (the whole
-    labelled map), scans/ (every input scan with labels), objects.json, events.jsonl, run.json and state.sqlite. Run the
-    same command again to continue after an interruption, or when scans were added.
+    Every point gets a class and an object id, and one labelled map grows. The output folder gets
+    map.ply (the whole labelled map), scans/ (every input scan with labels), objects.json,
+    events.jsonl, run.json and state.sqlite. Run the same command again to continue after an
+    interruption, or when scans were added.
 
     \b
     Examples:
       mcpseg segment scans/ poses.csv -o out/
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
-      mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w pointnet-holdout6.safetensors
+      mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w
+      pointnet-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     from mcpseg_cli.cli.display import notice
@@ -126,15 +143,17 @@ def segment(
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.networks.device import find_device
     from mcpseg_cli.networks.weights import Weights
-    from mcpseg_cli.segment.folder import check_folders, clear_run
+    from mcpseg_cli.segment.folder import RunOptions, check_folders, clear_run
     from mcpseg_cli.segment.offline_run import OfflineRun
-    from mcpseg_cli.segment.run import RunOptions, SegmentRun
+    from mcpseg_cli.segment.run import SegmentRun
 
     check_folders(recording, output)
     find_device(device)
     opened = open_method(method.value if method else None, weights)
     segmenter = IncrementalSegmenter(opened, settings, precision=precision.value, device=device)
-    options = RunOptions(frame.value, format.value if format else None, on_error.value, offline, sys.argv)
+    options = RunOptions(
+        frame.value, format.value if format else None, on_error.value, offline, sys.argv
+    )
     run_type = OfflineRun if offline else SegmentRun
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
@@ -146,7 +165,9 @@ def segment(
         interrupt = entered.enter_context(Interrupt())
         if isinstance(opened, Weights) and opened.info.notice:
             notice(f"mcpseg: {opened.name}: {opened.info.notice}", quiet=quiet)
-        tally = _label_pending(run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json))
+        tally = _label_pending(
+            run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
+        )
         if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
             share = f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g}"
             advice = "are the scans in the sensor's frame (--frame sensor)?"
@@ -154,7 +175,9 @@ def segment(
         _print_summary(run, tally, as_json=as_json, verbose=verbose)
     if interrupt.asked and len(run.records) < len(recording):
         again = shlex.join(["mcpseg", *(word for word in sys.argv[1:] if word != "--overwrite")])
-        notice(f"mcpseg: interrupted after {len(run.records):,} of {len(recording):,} scans; continue with: {again}")
+        notice(
+            f"mcpseg: interrupted after {len(run.records):,} of {len(recording):,} scans; continue with: {again}"
+        )
         raise typer.Exit(130)
 
 
@@ -187,7 +210,11 @@ def _label_pending(
                 if report.error:
                     notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
                 objects = f"{run.segmenter.clusters.num_objects:,} objects"
-                bar.update(task, advance=1, state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}")
+                bar.update(
+                    task,
+                    advance=1,
+                    state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}",
+                )
     finally:
         run.write_objects()
     return tally
@@ -226,8 +253,15 @@ def _settings(
     except ValueError:
         height = floor
     try:
-        given = {"voxel_size": voxel_size, "local_range": local_range, "floor": height, "seed": seed}
-        return SegmentSettings.model_validate(given | ({} if similarity is None else {"similarity": similarity}))
+        given = {
+            "voxel_size": voxel_size,
+            "local_range": local_range,
+            "floor": height,
+            "seed": seed,
+        }
+        return SegmentSettings.model_validate(
+            given | ({} if similarity is None else {"similarity": similarity})
+        )
     except ValidationError as error:
         problem = error.errors()[0]
         raise typer.BadParameter(f"{problem['loc'][0]}: {problem['msg']}") from error
@@ -241,7 +275,9 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
 
     from mcpseg_cli.cli.display import print_table
 
-    p50, p95, slowest = np.percentile(tally.ms, (50, 95, 100)).tolist() if tally.ms else (0.0, 0.0, 0.0)
+    p50, p95, slowest = (
+        np.percentile(tally.ms, (50, 95, 100)).tolist() if tally.ms else (0.0, 0.0, 0.0)
+    )
     skipped = [record.name for record in run.records if record.error is not None]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     objects = run.segmenter.clusters.num_objects
@@ -255,8 +291,12 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
             "points": tally.points,
             "points_labelled": tally.points_labelled,
             "skipped": skipped,
-            "ms_per_scan": {"p50": round(p50, 3), "p95": round(p95, 3), "max": round(slowest, 3)} if tally.ms else None,
-            "ms_by_stage": {stage: round(value, 3) for stage, value in _stage_medians(tally).items()},
+            "ms_per_scan": {"p50": round(p50, 3), "p95": round(p95, 3), "max": round(slowest, 3)}
+            if tally.ms
+            else None,
+            "ms_by_stage": {
+                stage: round(value, 3) for stage, value in _stage_medians(tally).items()
+            },
             "peak_memory_mb": round(peak_mb, 1),
             "resumed_from": run.resumed_from,
             "precision": run.segmenter.precision,
@@ -265,7 +305,11 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
         typer.echo(json.dumps(document))
         return
     rows = [
-        ("scans", f"{len(run.records):,}" + (f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""))
+        (
+            "scans",
+            f"{len(run.records):,}"
+            + (f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""),
+        )
     ]
     rows += [("still to do", f"{pending:,}")] if pending else []
     rows += [("skipped", ", ".join(skipped))] if skipped else []
@@ -276,7 +320,9 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bo
         rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
     rows += [("peak memory", f"{peak_mb:,.0f} MB"), ("map", str(run.output / "map.ply"))]
     if verbose:
-        rows += [(f"median ms {stage}", f"{value:.2f}") for stage, value in _stage_medians(tally).items()]
+        rows += [
+            (f"median ms {stage}", f"{value:.2f}") for stage, value in _stage_medians(tally).items()
+        ]
     print_table(rows)
 
 

@@ -13,24 +13,44 @@ import typer
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 
 _S3DIS_POINTS = {
-    "ceiling": 3_370_714, "floor": 2_856_755, "wall": 4_919_229, "beam": 318_158, "column": 375_640,
-    "window": 478_001, "door": 974_733, "table": 650_464, "chair": 791_496, "sofa": 88_727, "bookcase": 1_284_130,
-    "board": 229_758, "clutter": 2_272_837,
-}  # fmt: skip
+    "ceiling": 3_370_714,
+    "floor": 2_856_755,
+    "wall": 4_919_229,
+    "beam": 318_158,
+    "column": 375_640,
+    "window": 478_001,
+    "door": 974_733,
+    "table": 650_464,
+    "chair": 791_496,
+    "sofa": 88_727,
+    "bookcase": 1_284_130,
+    "board": 229_758,
+    "clutter": 2_272_837,
+}
 """Points of S3DIS at 4 cm by class, as the configurations of RandLA-Net and many others count them."""
 
 
 def synth(
     area: Annotated[
-        Path, typer.Argument(metavar="OUT/Area_N", help="Folder of the area to make; its number decides the style.")
+        Path,
+        typer.Argument(
+            metavar="OUT/Area_N", help="Folder of the area to make; its number decides the style."
+        ),
     ],
     rooms: Annotated[int, typer.Option(min=2, max=500, help="Rooms, corridors among them.")] = 16,
     spacing: Annotated[
-        float, typer.Option(min=0.008, max=0.2, metavar="METRES", help="One point in each square of this edge.")
+        float,
+        typer.Option(
+            min=0.008, max=0.2, metavar="METRES", help="One point in each square of this edge."
+        ),
     ] = 0.03,
     style: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="The style of Area_N: 1-6 offices, 7 homes; default: of this area."),
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="The style of Area_N: 1-6 offices, 7 homes; default: of this area.",
+        ),
     ] = None,
     jobs: Jobs = None,
     seed: Seed = 0,
@@ -40,9 +60,9 @@ def synth(
 ) -> None:
     """Make a procedural office building, or homes.
 
-    A floor of a building as a scanner would have recorded it, in the folder layout of S3DIS: a folder for each
-    room, a text file for each object, all 13 classes. The same seed gives the same building. Run the same command again
-    to continue after an interruption.
+    A floor of a building as a scanner would have recorded it, in the folder layout of S3DIS: a
+    folder for each room, a text file for each object, all 13 classes. The same seed gives the same
+    building. Run the same command again to continue after an interruption.
 
     \b
     Examples:
@@ -54,12 +74,14 @@ def synth(
     import json
 
     from mcpseg_cli.cli.display import print_table, progress_bar
-    from mcpseg_cli.lock import exclusive
+    from mcpseg_cli.resumable import exclusive
     from mcpseg_cli.synth.run import SynthRequest, write_area
 
     started = perf_counter()
     number = _number_of(area)
-    request = SynthRequest(number=number, seed=seed, num_rooms=rooms, spacing=spacing, style=style or number)
+    request = SynthRequest(
+        number=number, seed=seed, num_rooms=rooms, spacing=spacing, style=style or number
+    )
     points = dict.fromkeys(_S3DIS_POINTS, 0)
     objects = dict.fromkeys(_S3DIS_POINTS, 0)
     with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
@@ -71,7 +93,12 @@ def synth(
                 objects[name] += room.objects[name]
             bar.update(task, advance=1, state=room.name)
     if as_json:
-        document = {"output": str(area), "rooms": total, "points": sum(points.values()), "points_by_class": points}
+        document = {
+            "output": str(area),
+            "rooms": total,
+            "points": sum(points.values()),
+            "points_by_class": points,
+        }
         document |= {"objects_by_class": objects, "seconds": round(perf_counter() - started, 2)}
         typer.echo(json.dumps(document))
         return
@@ -88,7 +115,11 @@ def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) 
     for name in points:
         shares = f"{points[name] / every:7.1%} {_S3DIS_POINTS[name] / known:7.1%}"
         typer.echo(f"{name:<10} {objects[name]:>8,} {points[name]:>11,} {shares}")
-    counts = [("rooms", rooms), ("points", sum(points.values())), ("objects", sum(objects.values()))]
+    counts = [
+        ("rooms", rooms),
+        ("points", sum(points.values())),
+        ("objects", sum(objects.values())),
+    ]
     print_table((name, f"{count:,}") for name, count in counts)
 
 

@@ -16,17 +16,16 @@ import typer
 from mcpseg_cli.cli.display import notice, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import TrainSettings
-from mcpseg_cli.lock import exclusive
 from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import Weights
+from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.train.batches import AreaSamples
-from mcpseg_cli.train.checkpoint import EpochReport
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
 from mcpseg_cli.train.folds import Area, Fold
+from mcpseg_cli.train.progress import EpochReport, Progress
 from mcpseg_cli.train.ranks import Ranks, joined
 from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
 from mcpseg_cli.train.tensorboard_log import TensorBoardLog
-from mcpseg_cli.train.trainer import Progress
 
 if TYPE_CHECKING:
     from pydantic import JsonValue
@@ -67,7 +66,13 @@ class TrainTask:
         device: str,
         options: TaskOptions,
     ) -> None:
-        self.settings, self.data, self.initial, self.ranks, self.options = settings, data, initial, ranks, options
+        self.settings, self.data, self.initial, self.ranks, self.options = (
+            settings,
+            data,
+            initial,
+            ranks,
+            options,
+        )
         own = f"cuda:{ranks.local}" if device == "cuda" and ranks.world > 1 else device
         self.device = find_device(own)
         self.is_first = ranks.rank == 0
@@ -82,9 +87,15 @@ class TrainTask:
                     files.check(resume=self.options.resume, overwrite=self.options.overwrite)
                     stack.enter_context(exclusive(files.folder, files.path("lock").name))
             stack.enter_context(joined(self.ranks, self.device))
-            used = [area for area in areas if any(area in (*fold.training, *fold.validation) for fold, _ in folds)]
+            used = [
+                area
+                for area in areas
+                if any(area in (*fold.training, *fold.validation) for fold, _ in folds)
+            ]
             prepared = self._prepare(used)
-            runs = [self._make_run(fold, files, prepared) for fold, files in folds]  # refuses what cannot be trained
+            runs = [
+                self._make_run(fold, files, prepared) for fold, files in folds
+            ]  # refuses what cannot be trained
             if self.options.overwrite and self.is_first:
                 for _, files in folds:
                     files.clear()
@@ -116,7 +127,9 @@ class TrainTask:
             self.ranks.wait()
         return prepared
 
-    def _make_run(self, fold: Fold, files: TrainFiles, prepared: Mapping[Area, AreaSamples]) -> TrainRun:
+    def _make_run(
+        self, fold: Fold, files: TrainFiles, prepared: Mapping[Area, AreaSamples]
+    ) -> TrainRun:
         """Check that a fold can be trained, and get it ready; nothing is changed."""
         request = TrainRequest(self.settings, self.data, fold, self.initial, self.options.command)
         data = fold_data(fold, prepared, self.data, self.settings)
@@ -125,17 +138,27 @@ class TrainTask:
     def _train(self, run: TrainRun, interrupt: Interrupt) -> Mapping[str, JsonValue]:
         """Train one fold; return its record."""
         if run.record is not None:
-            notice(f"mcpseg: {run.files.path('safetensors')}: nothing to do: trained to the end", quiet=self.quiet)
+            notice(
+                f"mcpseg: {run.files.path('safetensors')}: nothing to do: trained to the end",
+                quiet=self.quiet,
+            )
             return run.record
         if run.new_classes:
-            notice(f"mcpseg: classes that start afresh: {', '.join(run.new_classes)}", quiet=self.quiet)
+            notice(
+                f"mcpseg: classes that start afresh: {', '.join(run.new_classes)}", quiet=self.quiet
+            )
         if run.has_resumed:
-            notice(f"mcpseg: {run.files.name}: continuing in epoch {len(run.trainer.curves) + 1}", quiet=self.quiet)
+            notice(
+                f"mcpseg: {run.files.name}: continuing in epoch {len(run.trainer.curves) + 1}",
+                quiet=self.quiet,
+            )
         with ExitStack() as stack:
             log = None
             if self.options.tensorboard is not None and self.is_first:
                 first = len(run.trainer.curves) + 1
-                log = stack.enter_context(TensorBoardLog(self.options.tensorboard / run.files.name, first))
+                log = stack.enter_context(
+                    TensorBoardLog(self.options.tensorboard / run.files.name, first)
+                )
             self._follow(run, log, interrupt)
         if self.is_first:
             return run.write_results(keep_checkpoint=self.options.keep_checkpoint)
@@ -150,9 +173,15 @@ class TrainTask:
             for progress in run.run(self.options.minutes, lambda: interrupt.asked):
                 done = (progress.epoch - 1) * progress.num_steps + progress.step
                 rate = (done - first) * per_step / (perf_counter() - started)
-                bar.update(task, completed=done, state=_state(progress, epochs, rate, run.batch_size))
+                bar.update(
+                    task, completed=done, state=_state(progress, epochs, rate, run.batch_size)
+                )
                 if progress.finished is not None:
-                    notice(_epoch_line(run.files.name, progress.finished), quiet=self.quiet, console=bar.console)
+                    notice(
+                        _epoch_line(run.files.name, progress.finished),
+                        quiet=self.quiet,
+                        console=bar.console,
+                    )
                     if log is not None:
                         log.add(progress.finished)
 
@@ -182,7 +211,9 @@ class TrainTask:
 def _state(progress: Progress, epochs: int, rate: float, batch_size: int) -> str:
     """Say where training is, in the width of a line."""
     scores = progress.scores
-    embedding = "" if scores.embedding_accuracy is None else f"  embedding {scores.embedding_accuracy:.1%}"
+    embedding = (
+        "" if scores.embedding_accuracy is None else f"  embedding {scores.embedding_accuracy:.1%}"
+    )
     return (
         f"epoch {progress.epoch}/{epochs}  loss {scores.loss:.3f}  class {scores.accuracy:.1%}{embedding}  "
         f"{rate:.1f} batches/s  {rate * batch_size:,.0f} points/s"
@@ -192,10 +223,18 @@ def _state(progress: Progress, epochs: int, rate: float, batch_size: int) -> str
 def _epoch_line(name: str, report: EpochReport) -> str:
     """Sum one epoch up."""
     line = f"mcpseg: {name}: epoch {report.epoch}: loss {report.train.loss:.3f}, class {report.train.accuracy:.1%}"
-    line += "" if report.train.embedding_accuracy is None else f", embedding {report.train.embedding_accuracy:.1%}"
+    line += (
+        ""
+        if report.train.embedding_accuracy is None
+        else f", embedding {report.train.embedding_accuracy:.1%}"
+    )
     if (scores := report.validation) is not None:
         line += f"; held out: loss {scores.loss:.3f}, class {scores.accuracy:.1%}, mIoU {scores.miou or 0:.1%}"
-        line += "" if scores.embedding_accuracy is None else f", embedding {scores.embedding_accuracy:.1%}"
+        line += (
+            ""
+            if scores.embedding_accuracy is None
+            else f", embedding {scores.embedding_accuracy:.1%}"
+        )
     return f"{line}; {report.seconds:.0f} s"
 
 
@@ -214,7 +253,11 @@ def _rows(record: Mapping[str, JsonValue], folder: Path) -> list[tuple[str, str]
             "embedding_accuracy": "embedding accuracy",
         }
         values = [(label, scores[key]) for key, label in names.items()]
-        rows += [(f"{label}, {where}", f"{value:.4f}") for label, value in values if isinstance(value, int | float)]
+        rows += [
+            (f"{label}, {where}", f"{value:.4f}")
+            for label, value in values
+            if isinstance(value, int | float)
+        ]
     return [*rows, ("time", f"{record['seconds']} s"), ("sha256", str(record["sha256"]))]
 
 

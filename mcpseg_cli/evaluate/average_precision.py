@@ -34,10 +34,11 @@ class AveragePrecision:
 def average_precision(overlaps: Overlaps, *, min_points: int = MIN_POINTS) -> AveragePrecision:
     """Rank the predicted objects of each class by confidence and average the precision over recall.
 
-    A true object takes the predictions of its class with a larger IoU in the order of their ids: the most confident
-    counts as right, the others as wrong. One prediction may meet several true objects at 0.25; the first by id takes
-    it. Equal confidences enter the curve together, so their order does not matter. A prediction that meets nothing is
-    left out if the share of it that is void or in small true objects of its class exceeds the threshold.
+    A true object takes the predictions of its class with a larger IoU in the order of their ids:
+    the most confident counts as right, the others as wrong. One prediction may meet several true
+    objects at 0.25; the first by id takes it. Equal confidences enter the curve together, so their
+    order does not matter. A prediction that meets nothing is left out if the share of it that is
+    void or in small true objects of its class exceeds the threshold.
 
     Args:
         overlaps: From ``find_overlaps``; predicted sizes and unions count void points.
@@ -46,7 +47,9 @@ def average_precision(overlaps: Overlaps, *, min_points: int = MIN_POINTS) -> Av
     Returns:
         The means; 0 if no class has a true object.
     """
-    table = np.array([_by_threshold(overlaps, label, min_points) for label in range(overlaps.num_classes)])
+    table = np.array(
+        [_by_threshold(overlaps, label, min_points) for label in range(overlaps.num_classes)]
+    )
     table = table[~np.isnan(table[:, 0])]
     if len(table) == 0:
         return AveragePrecision(0.0, 0.0, 0.0)
@@ -54,7 +57,9 @@ def average_precision(overlaps: Overlaps, *, min_points: int = MIN_POINTS) -> Av
     return AveragePrecision(float(np.mean(rest)), rest[0], ap25)
 
 
-def precision_over_recall(confidence: NDArray[np.float64], right: NDArray[np.bool_], num_missed: int) -> float:
+def precision_over_recall(
+    confidence: NDArray[np.float64], right: NDArray[np.bool_], num_missed: int
+) -> float:
     """Area under the curve of precision over recall by trapezoids, from recall 0 at precision 1.
 
     Args:
@@ -66,7 +71,9 @@ def precision_over_recall(confidence: NDArray[np.float64], right: NDArray[np.boo
         The area; equal confidences are one point of the curve, no prediction gives 0.
     """
     order = np.argsort(-confidence, kind="stable")
-    last = np.flatnonzero(np.diff(confidence[order], append=-np.inf))  # of each run of equal confidence
+    last = np.flatnonzero(
+        np.diff(confidence[order], append=-np.inf)
+    )  # of each run of equal confidence
     hits = np.cumsum(right[order])[last]
     recall = np.append(0.0, hits / max(int(right.sum()) + num_missed, 1))
     precision = np.append(1.0, hits / (last + 1))
@@ -89,11 +96,15 @@ def _by_threshold(overlaps: Overlaps, label: int, min_points: int) -> list[float
     areas = []
     for threshold in (0.25, *THRESHOLDS):
         met = iou > threshold
-        best, wrong = _match(rows[met & wanted[rows]], columns[met & wanted[rows]], overlaps.confidence)
+        best, wrong = _match(
+            rows[met & wanted[rows]], columns[met & wanted[rows]], overlaps.confidence
+        )
         stray = ranked[~np.isin(ranked, columns[met]) & (ignored <= threshold)]
         confidence = np.array([*best, *wrong, *overlaps.confidence[stray]])
         areas.append(
-            precision_over_recall(confidence, np.arange(len(confidence)) < len(best), int(wanted.sum()) - len(best))
+            precision_over_recall(
+                confidence, np.arange(len(confidence)) < len(best), int(wanted.sum()) - len(best)
+            )
         )
     return areas
 
@@ -104,7 +115,9 @@ def _match(
     """Give each true object its predictions: the confidences of those that are right and of those too many."""
     best: dict[int, float] = {}
     wrong: list[float] = []
-    taken: set[int] = set()  # a prediction too many stays free for the next true object, as in the evaluator
+    taken: set[int] = (
+        set()
+    )  # a prediction too many stays free for the next true object, as in the evaluator
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         score = float(confidence[column])
         if column in taken:

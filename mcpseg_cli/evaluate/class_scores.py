@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.evaluate.cluster_scores import class_accuracy, intersection_over_union
-
 
 @dataclass(frozen=True)
 class ClassScores:
@@ -43,8 +41,54 @@ def score_classes(confusion: NDArray[np.int64], classes: tuple[str, ...]) -> Cla
     counted = np.nan_to_num(iou)
     return ClassScores(
         point_accuracy=float(np.trace(confusion) / max(confusion.sum(), 1)),
-        mean_class_accuracy=float(class_accuracy(confusion)[present].mean()) if present.any() else 0.0,
+        mean_class_accuracy=float(class_accuracy(confusion)[present].mean())
+        if present.any()
+        else 0.0,
         miou=float(counted.mean()),
         miou_present=float(counted[present].mean()) if present.any() else 0.0,
-        iou={name: None if np.isnan(value) else float(value) for name, value in zip(classes, iou, strict=True)},
+        iou={
+            name: None if np.isnan(value) else float(value)
+            for name, value in zip(classes, iou, strict=True)
+        },
     )
+
+
+def confusion_matrix(
+    labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer], num_classes: int
+) -> NDArray[np.int64]:
+    """Count pairs of true and predicted class.
+
+    Args:
+        labels_true: (N,) class index below ``num_classes``.
+        labels_pred: (N,) class index; values from ``num_classes`` on count in the last column.
+        num_classes: C.
+
+    Returns:
+        (C, C + 1) int64: rows are true classes, columns predicted ones, the last column none of
+        them.
+    """
+    predicted = np.minimum(labels_pred.astype(np.int64), num_classes)
+    flat = labels_true.astype(np.int64) * (num_classes + 1) + predicted
+    return np.bincount(flat, minlength=num_classes * (num_classes + 1)).reshape(
+        num_classes, num_classes + 1
+    )
+
+
+def intersection_over_union(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return (C,) TP / (TP + FP + FN) by class; NaN for classes neither true nor predicted anywhere."""
+    hits = np.diagonal(confusion).astype(np.float64)
+    union = confusion.sum(axis=1) + confusion[:, : len(hits)].sum(axis=0) - hits
+    iou: NDArray[np.float64] = np.divide(
+        hits, union, out=np.full(len(hits), np.nan), where=union > 0
+    )
+    return iou
+
+
+def class_accuracy(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return (C,) recall by class; NaN for classes with no true point."""
+    total = confusion.sum(axis=1)
+    hits = np.diagonal(confusion).astype(np.float64)
+    recall: NDArray[np.float64] = np.divide(
+        hits, total, out=np.full(len(hits), np.nan), where=total > 0
+    )
+    return recall

@@ -1,48 +1,19 @@
 """Segmentation and clustering metrics (IV), truth first. Labels are compared by equality only."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-_NEGLIGIBLE = 1e-25  # of the likeliest count's weight; what is left out stays far below rounding, even when n is large
+# of the likeliest count's weight; what is left out stays far below rounding, even when n is large
+_NEGLIGIBLE = 1e-25
 
 
-def confusion_matrix(
-    labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer], num_classes: int
-) -> NDArray[np.int64]:
-    """Count pairs of true and predicted class.
-
-    Args:
-        labels_true: (N,) class index below ``num_classes``.
-        labels_pred: (N,) class index; values from ``num_classes`` on count in the last column.
-        num_classes: C.
-
-    Returns:
-        (C, C + 1) int64: rows are true classes, columns predicted ones, the last column none of them.
-    """
-    predicted = np.minimum(labels_pred.astype(np.int64), num_classes)
-    flat = labels_true.astype(np.int64) * (num_classes + 1) + predicted
-    return np.bincount(flat, minlength=num_classes * (num_classes + 1)).reshape(num_classes, num_classes + 1)
-
-
-def intersection_over_union(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (C,) TP / (TP + FP + FN) by class; NaN for classes neither true nor predicted anywhere."""
-    hits = np.diagonal(confusion).astype(np.float64)
-    union = confusion.sum(axis=1) + confusion[:, : len(hits)].sum(axis=0) - hits
-    iou: NDArray[np.float64] = np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
-    return iou
-
-
-def class_accuracy(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (C,) recall by class; NaN for classes with no true point."""
-    total = confusion.sum(axis=1)
-    hits = np.diagonal(confusion).astype(np.float64)
-    recall: NDArray[np.float64] = np.divide(hits, total, out=np.full(len(hits), np.nan), where=total > 0)
-    return recall
-
-
-def contingency(labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]) -> sparse.csr_matrix:
+def contingency(
+    labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]
+) -> sparse.csr_matrix:
     """Count pairs of true and predicted cluster in a sparse table, clusters by rising label."""
     _, rows = np.unique(labels_true, return_inverse=True)
     _, columns = np.unique(labels_pred, return_inverse=True)
@@ -57,7 +28,8 @@ def information_scores(table: sparse.csr_matrix) -> tuple[float, float, float]:
         table: From ``contingency``; not empty.
 
     Returns:
-        NMI, homogeneity, completeness, each in 0-1; 1 where an entropy is zero, as scikit-learn has it.
+        NMI, homogeneity, completeness, each in 0-1; 1 where an entropy is zero, as scikit-learn has
+        it.
     """
     mutual, entropy_true, entropy_pred = _entropies(table)
     homogeneity = mutual / entropy_true if entropy_true > 0 else 1.0
@@ -90,7 +62,11 @@ def adjusted_rand_index(table: sparse.csr_matrix) -> float:
     same_true = int(np.sum(np.asarray(table.sum(axis=1)).astype(object) ** 2))
     same_pred = int(np.sum(np.asarray(table.sum(axis=0)).astype(object) ** 2))
     same_both = int(np.sum(table.data.astype(object) ** 2))
-    pairs_true, pairs_pred, pairs_both = (same_true - total) / 2, (same_pred - total) / 2, (same_both - total) / 2
+    pairs_true, pairs_pred, pairs_both = (
+        (same_true - total) / 2,
+        (same_pred - total) / 2,
+        (same_both - total) / 2,
+    )
     expected = pairs_true * pairs_pred / max(total * (total - 1) / 2, 1)
     largest = (pairs_true + pairs_pred) / 2
     return 1.0 if largest == expected else (pairs_both - expected) / (largest - expected)
@@ -103,7 +79,8 @@ def adjusted_mutual_information(table: sparse.csr_matrix) -> float:
         table: From ``contingency``; not empty.
 
     Returns:
-        AMI, at most 1; 1 when both sides are the same clustering, 0 when one side only is a single cluster.
+        AMI, at most 1; 1 when both sides are the same clustering, 0 when one side only is a single
+        cluster.
     """
     if table.nnz == table.shape[0] == table.shape[1]:
         return 1.0
@@ -145,8 +122,8 @@ def _expected_sum(
 def _expected_term(a: int, b: int, total: int, logs: NDArray[np.float64]) -> float:
     """Mean of n / N log(N n / (a b)) for n points shared by clusters of a and b: hypergeometric.
 
-    The weights go from the mode outwards by the ratio of neighbours until they vanish, then are divided by
-    their sum: no factorials, so nothing is lost to rounding.
+    The weights go from the mode outwards by the ratio of neighbours until they vanish, then are
+    divided by their sum: no factorials, so nothing is lost to rounding.
     """
     low, high = max(0, a + b - total), min(a, b)
     mode = min(max((a + 1) * (b + 1) // (total + 2), low), high)
@@ -168,3 +145,61 @@ def _expected_term(a: int, b: int, total: int, logs: NDArray[np.float64]) -> flo
         weights += weight
         value += weight * n * (logs[n] + offset)
     return float(value / weights / total)
+
+
+@dataclass(frozen=True)
+class ClusterScores:
+    """Agreement of objects as clusters, classes ignored, on the points of true objects.
+
+    Attributes:
+        objects_true: True objects that have scored points.
+        objects_pred: Predicted objects that have scored points.
+        cluster_ratio: Predicted objects for each true one.
+        nmi: Normalised mutual information, arithmetic mean.
+        ami: Adjusted mutual information, arithmetic mean.
+        ari: Adjusted Rand index.
+        homogeneity: 1 if no predicted object spans true ones.
+        completeness: 1 if no true object is in pieces.
+        v_measure: Harmonic mean of the two.
+    """
+
+    objects_true: int
+    objects_pred: int
+    cluster_ratio: float
+    nmi: float
+    ami: float
+    ari: float
+    homogeneity: float
+    completeness: float
+    v_measure: float
+
+
+def score_clusters(
+    labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]
+) -> ClusterScores:
+    """Compare clusterings of the same points; every score is 0 without points.
+
+    Args:
+        labels_true: (N,) true object ids, all above 0.
+        labels_pred: (N,) predicted object ids; points of 0, no object, are one cluster that is not
+            counted.
+
+    Returns:
+        The scores.
+    """
+    if len(labels_true) == 0:
+        return ClusterScores(0, 0, *[0.0] * 7)
+    table = contingency(labels_true, labels_pred)
+    nmi, homogeneity, completeness = information_scores(table)
+    objects_pred = table.shape[1] - int(labels_pred.min() <= 0)
+    return ClusterScores(
+        objects_true=table.shape[0],
+        objects_pred=objects_pred,
+        cluster_ratio=objects_pred / table.shape[0],
+        nmi=nmi,
+        ami=adjusted_mutual_information(table),
+        ari=adjusted_rand_index(table),
+        homogeneity=homogeneity,
+        completeness=completeness,
+        v_measure=v_measure(homogeneity, completeness),
+    )

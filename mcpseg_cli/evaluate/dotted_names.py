@@ -32,8 +32,8 @@ def bounded_figures(document: Mapping[str, object]) -> dict[str, float | None]:
     """List the figures of which more is better, by dotted name; None is one that has no value here.
 
     Args:
-        document: That of one run, or ``runs``, ``pooled`` and ``mean`` of several: then a name without ``pooled.`` or
-            ``mean.`` is the pooled figure where there is one, else the mean.
+        document: That of one run, or ``runs``, ``pooled`` and ``mean`` of several: then a name
+            without ``pooled.`` or ``mean.`` is the pooled figure where there is one, else the mean.
     """
     flat = {
         name: value
@@ -41,7 +41,11 @@ def bounded_figures(document: Mapping[str, object]) -> dict[str, float | None]:
         if (isinstance(value, float) or (value is None and "iou." in name)) and not _is_cost(name)
     }
     for part in ("mean", "pooled") if "pooled" in document else ():
-        flat |= {name.removeprefix(f"{part}."): value for name, value in flat.items() if name.startswith(f"{part}.")}
+        flat |= {
+            name.removeprefix(f"{part}."): value
+            for name, value in flat.items()
+            if name.startswith(f"{part}.")
+        }
     return flat
 
 

@@ -56,7 +56,9 @@ class LabelHistory:
         self._merged: set[int] = set()
         self._again = self._flips = self._right = self._wrong = self._switched = self._split = 0
 
-    def look(self, ids: NDArray[np.integer], semantic: NDArray[np.uint8], instance: NDArray[np.int32]) -> None:
+    def look(
+        self, ids: NDArray[np.integer], semantic: NDArray[np.uint8], instance: NDArray[np.int32]
+    ) -> None:
         """Take in one labelled scan.
 
         Args:
@@ -105,7 +107,9 @@ class LabelHistory:
         sources, counts = np.unique(pairs >> 32, return_counts=True)
         self._split += int((counts[sources > 0] > 1).sum())
         whole = np.isin(pairs >> 32, sources[(counts == 1) & (sources > 0)])
-        for source, target in zip((pairs >> 32)[whole].tolist(), (pairs & 0xFFFFFFFF)[whole].tolist(), strict=True):
+        for source, target in zip(
+            (pairs >> 32)[whole].tolist(), (pairs & 0xFFFFFFFF)[whole].tolist(), strict=True
+        ):
             if source != target and target > 0 and target in self._known:
                 self._merged.add(source)
         return int(switched.sum())

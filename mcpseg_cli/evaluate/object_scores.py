@@ -5,48 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcpseg_cli.evaluate.average_precision import MIN_POINTS, average_precision
-from mcpseg_cli.evaluate.cluster_scores import (
-    adjusted_mutual_information,
-    adjusted_rand_index,
-    contingency,
-    information_scores,
-    v_measure,
-)
+from mcpseg_cli.evaluate.coverage import coverage
 from mcpseg_cli.evaluate.overlaps import Overlaps
-from mcpseg_cli.evaluate.panoptic import coverage, object_accuracy, panoptic_quality, precision_50
+from mcpseg_cli.evaluate.panoptic import panoptic_quality
 
 STUFF = ("ceiling", "floor", "wall")
 """Classes that are no things where panoptic quality is said to be with stuff."""
-
-
-@dataclass(frozen=True)
-class ClusterScores:
-    """Agreement of objects as clusters, classes ignored, on the points of true objects.
-
-    Attributes:
-        objects_true: True objects that have scored points.
-        objects_pred: Predicted objects that have scored points.
-        cluster_ratio: Predicted objects for each true one.
-        nmi: Normalised mutual information, arithmetic mean.
-        ami: Adjusted mutual information, arithmetic mean.
-        ari: Adjusted Rand index.
-        homogeneity: 1 if no predicted object spans true ones.
-        completeness: 1 if no true object is in pieces.
-        v_measure: Harmonic mean of the two.
-    """
-
-    objects_true: int
-    objects_pred: int
-    cluster_ratio: float
-    nmi: float
-    ami: float
-    ari: float
-    homogeneity: float
-    completeness: float
-    v_measure: float
 
 
 @dataclass(frozen=True)
@@ -102,34 +68,6 @@ class ObjectScores:
     mrec: float
 
 
-def score_clusters(labels_true: NDArray[np.integer], labels_pred: NDArray[np.integer]) -> ClusterScores:
-    """Compare clusterings of the same points; every score is 0 without points.
-
-    Args:
-        labels_true: (N,) true object ids, all above 0.
-        labels_pred: (N,) predicted object ids; points of 0, no object, are one cluster that is not counted.
-
-    Returns:
-        The scores.
-    """
-    if len(labels_true) == 0:
-        return ClusterScores(0, 0, *[0.0] * 7)
-    table = contingency(labels_true, labels_pred)
-    nmi, homogeneity, completeness = information_scores(table)
-    objects_pred = table.shape[1] - int(labels_pred.min() <= 0)
-    return ClusterScores(
-        objects_true=table.shape[0],
-        objects_pred=objects_pred,
-        cluster_ratio=objects_pred / table.shape[0],
-        nmi=nmi,
-        ami=adjusted_mutual_information(table),
-        ari=adjusted_rand_index(table),
-        homogeneity=homogeneity,
-        completeness=completeness,
-        v_measure=v_measure(homogeneity, completeness),
-    )
-
-
 def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
     """Compare objects with a class.
 
@@ -170,3 +108,23 @@ def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
         mprec=covered.mprec,
         mrec=covered.mrec,
     )
+
+
+_LARGE = 50  # points; the MCPNet authors match only predicted objects of more
+
+
+def object_accuracy(overlaps: Overlaps) -> float:
+    """Share of true objects that a predicted one of their class and of more than 50 points meets with IoU > 0.5."""
+    hits = (
+        (overlaps.iou() > 0.5) & overlaps.same_class() & (overlaps.valid[overlaps.columns] > _LARGE)
+    )
+    return float(hits.sum() / max(len(overlaps.true), 1))
+
+
+def precision_50(overlaps: Overlaps) -> float:
+    """Share of predicted objects, of any size, that meet a true one of their class with IoU > 0.5.
+
+    Predicted objects all of whose points are void do not count.
+    """
+    hits = (overlaps.iou() > 0.5) & overlaps.same_class()
+    return float(hits.sum() / max(np.count_nonzero(overlaps.valid), 1))

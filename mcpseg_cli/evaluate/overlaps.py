@@ -16,7 +16,8 @@ class Objects:
     """True or predicted objects. An object that spans units (rooms) is one object in each.
 
     Attributes:
-        semantic: (G,) int64 class by vote of its points, the lowest index on a tie; ``UNKNOWN`` if no point has one.
+        semantic: (G,) int64 class by vote of its points, the lowest index on a tie; ``UNKNOWN`` if
+            no point has one.
         unit: (G,) int64 number of the unit it is in, from 0.
         size: (G,) int64 its points.
     """
@@ -33,7 +34,8 @@ class Objects:
 class Overlaps:
     """Which true objects share points with which predicted ones.
 
-    Points of no true object, and of true objects of unknown class, are void: nothing is known about them.
+    Points of no true object, and of true objects of unknown class, are void: nothing is known about
+    them.
 
     Attributes:
         true: G true objects of known class.
@@ -99,16 +101,23 @@ def find_overlaps(
         pred: Labels of the same points.
         num_classes: C.
         unit: (N,) room or other unit of each point; everything is one unit without.
-        confidence: (N,) of each point; that of an object is the mean over the points of its class, 1 without.
+        confidence: (N,) of each point; that of an object is the mean over the points of its class,
+            1 without.
 
     Returns:
         The overlaps; objects by unit, then id.
     """
-    units = np.zeros(len(true.instance), np.int64) if unit is None else np.unique(unit, return_inverse=True)[1]
+    units = (
+        np.zeros(len(true.instance), np.int64)
+        if unit is None
+        else np.unique(unit, return_inverse=True)[1]
+    )
     rows, true_objects = _count_objects(true, units, num_classes)
     known = true_objects.semantic != UNKNOWN
     rows = np.append(np.where(known, np.cumsum(known) - 1, -1), -1)[rows]
-    true_objects = Objects(true_objects.semantic[known], true_objects.unit[known], true_objects.size[known])
+    true_objects = Objects(
+        true_objects.semantic[known], true_objects.unit[known], true_objects.size[known]
+    )
     columns, pred_objects = _count_objects(pred, units, num_classes)
     both = (rows >= 0) & (columns >= 0)
     num_pred = max(len(pred_objects), 1)
@@ -120,7 +129,8 @@ def find_overlaps(
         true_objects,
         pred_objects,
         valid=np.bincount(columns[both], minlength=len(pred_objects)),
-        confidence=np.bincount(columns[votes], weights[votes], len(pred_objects)) / np.maximum(counts, 1),
+        confidence=np.bincount(columns[votes], weights[votes], len(pred_objects))
+        / np.maximum(counts, 1),
         rows=pairs // num_pred,
         columns=pairs % num_pred,
         shared=shared,
@@ -139,15 +149,22 @@ def join_overlaps(parts: Sequence[Overlaps]) -> Overlaps:
     """
     firsts_true = np.cumsum([0, *[len(part.true) for part in parts]])
     firsts_pred = np.cumsum([0, *[len(part.pred) for part in parts]])
-    units = [int(max(part.true.unit.max(initial=-1), part.pred.unit.max(initial=-1))) + 1 for part in parts]
+    units = [
+        int(max(part.true.unit.max(initial=-1), part.pred.unit.max(initial=-1))) + 1
+        for part in parts
+    ]
     firsts_unit = np.cumsum([0, *units])
     return Overlaps(
         _side_by_side([part.true for part in parts], firsts_unit),
         _side_by_side([part.pred for part in parts], firsts_unit),
         valid=np.concatenate([part.valid for part in parts]),
         confidence=np.concatenate([part.confidence for part in parts]),
-        rows=np.concatenate([part.rows + first for part, first in zip(parts, firsts_true, strict=False)]),
-        columns=np.concatenate([part.columns + first for part, first in zip(parts, firsts_pred, strict=False)]),
+        rows=np.concatenate(
+            [part.rows + first for part, first in zip(parts, firsts_true, strict=False)]
+        ),
+        columns=np.concatenate(
+            [part.columns + first for part, first in zip(parts, firsts_pred, strict=False)]
+        ),
         shared=np.concatenate([part.shared for part in parts]),
         num_classes=parts[0].num_classes,
     )
@@ -157,7 +174,9 @@ def _side_by_side(parts: Sequence[Objects], firsts_unit: NDArray[np.int64]) -> O
     """List the objects of several places, with units counted on."""
     return Objects(
         np.concatenate([part.semantic for part in parts]),
-        np.concatenate([part.unit + first for part, first in zip(parts, firsts_unit, strict=False)]),
+        np.concatenate(
+            [part.unit + first for part, first in zip(parts, firsts_unit, strict=False)]
+        ),
         np.concatenate([part.size for part in parts]),
     )
 
@@ -175,4 +194,6 @@ def _count_objects(
     flat = numbers[classed] * num_classes + labels.semantic[classed]
     votes = np.bincount(flat, minlength=len(keys) * num_classes).reshape(len(keys), num_classes)
     semantic = np.where(votes.any(axis=1), votes.argmax(axis=1), UNKNOWN)
-    return numbers, Objects(semantic, keys // max(len(ids), 1), np.bincount(number, minlength=len(keys)))
+    return numbers, Objects(
+        semantic, keys // max(len(ids), 1), np.bincount(number, minlength=len(keys))
+    )

@@ -29,12 +29,14 @@ class PairedTruth:
         instance: (N,) int32 true object, 0 none or uncovered.
         room: (N,) int32 room, -1 none or uncovered.
         covered: (N,) bool whether there is a true point.
-        by_point: Both clouds are the same, point for point; else the nearest true point within reach was taken.
+        by_point: Both clouds are the same, point for point; else the nearest true point within
+            reach was taken.
         reach: Metres within which true points were sought.
         truth_points: True points read; of several scans, every look counts.
         truth_uncovered: Of those, how many have no scored point within reach.
         is_named: Whether all the truth names its classes.
-        other_classes: True classes that the table lacks, with their points as read; they are unknown.
+        other_classes: True classes that the table lacks, with their points as read; they are
+            unknown.
     """
 
     semantic: NDArray[np.uint8]
@@ -61,7 +63,8 @@ def pair_with_truth(
     Args:
         xyz: (N, 3) scored points, metres, map frame.
         truth: Read part by part; memory does not grow with it.
-        classes: Class table of the result; those of the truth are matched by name, or taken to be these.
+        classes: Class table of the result; those of the truth are matched by name, or taken to be
+            these.
         reach: Metres.
         told: Called after every part with how many have been read.
 
@@ -69,7 +72,8 @@ def pair_with_truth(
         The truth about the points; of points equally near, the first is taken.
 
     Raises:
-        InputError: The truth is damaged, has no labels, classes beyond the table, or no class of the table.
+        InputError: The truth is damaged, has no labels, classes beyond the table, or no class of
+            the table.
     """
     nearest = NearestPoints(xyz, reach)
     semantic, instance = np.full(len(xyz), UNKNOWN, np.uint8), np.zeros(len(xyz), np.int32)
@@ -94,11 +98,26 @@ def pair_with_truth(
         told(number)
     if not matched:
         found = f"classes {_few(others)}"
-        raise InputError(truth.source, found, f"some of {_few(classes)}", "rename the classes of one of them")
-    return PairedTruth(semantic, instance, room, covered, by_point, reach, truth_points, uncovered, is_named, others)
+        raise InputError(
+            truth.source, found, f"some of {_few(classes)}", "rename the classes of one of them"
+        )
+    return PairedTruth(
+        semantic,
+        instance,
+        room,
+        covered,
+        by_point,
+        reach,
+        truth_points,
+        uncovered,
+        is_named,
+        others,
+    )
 
 
-def _table_of(part: TruthPart, classes: tuple[str, ...], others: dict[str, int]) -> NDArray[np.uint8]:
+def _table_of(
+    part: TruthPart, classes: tuple[str, ...], others: dict[str, int]
+) -> NDArray[np.uint8]:
     """Return the look-up table of a part's classes; count its points of classes that are not in the result's."""
     if not part.classes:
         check_classes(part.semantic, classes, part.source)
@@ -133,7 +152,9 @@ class NearestPoints:
         self._xyz = xyz - self._origin
         self._reach = reach + _SLACK
         self._low, self._high = -self._reach, self._xyz.max(axis=0) + self._reach
-        self._cells = VoxelMap(2.01 * self._reach)  # a cube around an offered point touches two cells along each axis
+        self._cells = VoxelMap(
+            2.01 * self._reach
+        )  # a cube around an offered point touches two cells along each axis
         cell = self._cells.insert(self._xyz.astype(np.float32), np.zeros((len(xyz), 3), np.uint8))
         self._members = np.argsort(cell, kind="stable").astype(np.int32)
         self._starts = np.append(0, np.cumsum(np.bincount(cell)))
@@ -147,15 +168,20 @@ class NearestPoints:
             xyz: (M, 3) metres.
 
         Returns:
-            (Q,) int32 points of the cloud to which one of these is nearer than all offered before, (Q,) int64 the row
-            of that one, and how many of the M are within reach of the cloud.
+            (Q,) int32 points of the cloud to which one of these is nearer than all offered before,
+            (Q,) int64 the row of that one, and how many of the M are within reach of the cloud.
         """
         offered = xyz - self._origin
         rows = np.flatnonzero(((offered >= self._low) & (offered <= self._high)).all(axis=1))
         offered = offered[rows]
-        corners = [self._cells.find((offered + 1.002 * self._reach * way).astype(np.float32)) for way in _CORNERS]
+        corners = [
+            self._cells.find((offered + 1.002 * self._reach * way).astype(np.float32))
+            for way in _CORNERS
+        ]
         grid = (np.stack(corners), self._starts, self._members)
-        ids, num_near = _offer_points(offered, self._xyz, self._reach**2, grid, self._best, self._row)
+        ids, num_near = _offer_points(
+            offered, self._xyz, self._reach**2, grid, self._best, self._row
+        )
         found = rows[self._row[ids]]
         self._row[ids] = -1
         return ids, found, num_near

@@ -11,61 +11,6 @@ from numpy.typing import NDArray
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.evaluate.overlaps import Objects, Overlaps
 
-_LARGE = 50  # points; the MCPNet authors match only predicted objects of more
-
-
-def object_accuracy(overlaps: Overlaps) -> float:
-    """Share of true objects that a predicted one of their class and of more than 50 points meets with IoU > 0.5."""
-    hits = (overlaps.iou() > 0.5) & overlaps.same_class() & (overlaps.valid[overlaps.columns] > _LARGE)
-    return float(hits.sum() / max(len(overlaps.true), 1))
-
-
-def precision_50(overlaps: Overlaps) -> float:
-    """Share of predicted objects, of any size, that meet a true one of their class with IoU > 0.5.
-
-    Predicted objects all of whose points are void do not count.
-    """
-    hits = (overlaps.iou() > 0.5) & overlaps.same_class()
-    return float(hits.sum() / max(np.count_nonzero(overlaps.valid), 1))
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """How well objects are covered, as ASIS defines it; means over classes.
-
-    Attributes:
-        mcov: Best IoU of a true object, mean over objects of a class in a unit, then over units.
-        mwcov: The same with objects weighted by their points.
-        mprec: Share of predicted objects with IoU >= 0.5, all units together; 0 for a class never predicted.
-        mrec: Share of true objects with IoU >= 0.5, all units together.
-    """
-
-    mcov: float
-    mwcov: float
-    mprec: float
-    mrec: float
-
-
-def coverage(overlaps: Overlaps) -> Coverage:
-    """Measure coverage within units; classes without true object are left out, ``mprec`` those without any object."""
-    num_classes, true, pred = overlaps.num_classes, overlaps.true, overlaps.pred
-    same, iou = overlaps.same_class(), overlaps.iou()
-    best_true, best_pred = np.zeros(len(true)), np.zeros(len(pred))
-    np.maximum.at(best_true, overlaps.rows[same], iou[same])
-    np.maximum.at(best_pred, overlaps.columns[same], iou[same])
-    known = (pred.semantic < num_classes) & (overlaps.valid > 0)
-    units = int(true.unit.max(initial=0)) + 1
-    group = true.unit * num_classes + true.semantic
-    by_size = _mean_by(group, best_true, units * num_classes, true.size)
-    precision = _mean_by(pred.semantic[known], best_pred[known] >= 0.5, num_classes)
-    precision[np.isnan(precision) & (np.bincount(true.semantic, minlength=num_classes) > 0)] = 0.0
-    return Coverage(
-        mcov=_mean(_columns_mean(_mean_by(group, best_true, units * num_classes).reshape(units, num_classes))),
-        mwcov=_mean(_columns_mean(by_size.reshape(units, num_classes))),
-        mprec=_mean(precision),
-        mrec=_mean(_mean_by(true.semantic, best_true >= 0.5, num_classes)),
-    )
-
 
 @dataclass(frozen=True)
 class Panoptic:
@@ -73,7 +18,8 @@ class Panoptic:
 
     Attributes:
         pq: Mean over classes of SQ times RQ.
-        sq: Segmentation quality: mean IoU of matched objects, mean over classes (0 for a class without match).
+        sq: Segmentation quality: mean IoU of matched objects, mean over classes (0 for a class
+            without match).
         rq: Recognition quality: F1 of objects, mean over classes.
         pq_dagger: PQ with mean IoU, matched or not, for classes of stuff (Porzi 2019).
         by_class: (C,) PQ; NaN for classes with neither true nor predicted object.
@@ -87,7 +33,7 @@ class Panoptic:
 
     def mean_of(self, which: NDArray[np.bool_]) -> float:
         """Return the mean PQ of some classes, (C,) bool; 0 if none of them has an object."""
-        return _mean(self.by_class[which])
+        return mean_of_known(self.by_class[which])
 
 
 def panoptic_quality(overlaps: Overlaps, *, stuff: Sequence[int] = ()) -> Panoptic:
@@ -98,8 +44,9 @@ def panoptic_quality(overlaps: Overlaps, *, stuff: Sequence[int] = ()) -> Panopt
         stuff: Classes whose objects in a unit count as one, true and predicted.
 
     Returns:
-        The quality; classes with neither true nor predicted object are left out of the means. A predicted object
-        that matches nothing and is more than half void counts neither way, nor does one of unknown class.
+        The quality; classes with neither true nor predicted object are left out of the means. A
+        predicted object that matches nothing and is more than half void counts neither way, nor
+        does one of unknown class.
     """
     overlaps = _join_stuff(overlaps, stuff) if stuff else overlaps
     iou, same, num_classes = overlaps.iou(), overlaps.same_class(), overlaps.num_classes
@@ -117,9 +64,17 @@ def panoptic_quality(overlaps: Overlaps, *, stuff: Sequence[int] = ()) -> Panopt
     segmented = np.where(present, quality / np.maximum(hits, 1), np.nan)
     by_class = recognised * segmented
     overlapped = np.bincount(overlaps.true.semantic[overlaps.rows[same]], iou[same], num_classes)
-    dagger = np.where(np.isin(np.arange(num_classes), stuff), overlapped / np.maximum(num_true, 1), by_class)
+    dagger = np.where(
+        np.isin(np.arange(num_classes), stuff), overlapped / np.maximum(num_true, 1), by_class
+    )
     dagger[~present] = np.nan
-    return Panoptic(_mean(by_class), _mean(segmented), _mean(recognised), _mean(dagger), by_class)
+    return Panoptic(
+        mean_of_known(by_class),
+        mean_of_known(segmented),
+        mean_of_known(recognised),
+        mean_of_known(dagger),
+        by_class,
+    )
 
 
 def _join_stuff(overlaps: Overlaps, stuff: Sequence[int]) -> Overlaps:
@@ -127,7 +82,9 @@ def _join_stuff(overlaps: Overlaps, stuff: Sequence[int]) -> Overlaps:
     true, pred = overlaps.true, overlaps.pred
     rows, columns = _joined(true, stuff), _joined(pred, stuff)
     num_pred = int(columns.max(initial=0)) + 1
-    pairs, members = np.unique(rows[overlaps.rows] * num_pred + columns[overlaps.columns], return_inverse=True)
+    pairs, members = np.unique(
+        rows[overlaps.rows] * num_pred + columns[overlaps.columns], return_inverse=True
+    )
     return Overlaps(
         _join(true, rows),
         _join(pred, columns),
@@ -144,7 +101,9 @@ def _joined(objects: Objects, stuff: Sequence[int]) -> NDArray[np.int64]:
     """Number the objects anew: equal numbers for those that are one."""
     own = np.arange(len(objects))
     shared = len(objects) + objects.unit * (UNKNOWN + 1) + objects.semantic
-    return np.unique(np.where(np.isin(objects.semantic, stuff), shared, own), return_inverse=True)[1]
+    return np.unique(np.where(np.isin(objects.semantic, stuff), shared, own), return_inverse=True)[
+        1
+    ]
 
 
 def _join(objects: Objects, numbers: NDArray[np.int64]) -> Objects:
@@ -154,27 +113,7 @@ def _join(objects: Objects, numbers: NDArray[np.int64]) -> Objects:
     return Objects(objects.semantic[first], objects.unit[first], sizes)
 
 
-def _mean_by(
-    group: NDArray[np.int64],
-    values: NDArray[np.floating] | NDArray[np.bool_],
-    num_groups: int,
-    weights: NDArray[np.int64] | None = None,
-) -> NDArray[np.float64]:
-    """Weighted mean by group; NaN for empty groups."""
-    weights = np.ones(len(group), np.int64) if weights is None else weights
-    total = np.bincount(group, weights, num_groups)
-    sums = np.bincount(group, weights * values, num_groups)
-    mean: NDArray[np.float64] = np.divide(sums, total, out=np.full(num_groups, np.nan), where=total > 0)
-    return mean
-
-
-def _columns_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean of each column over what is not NaN; NaN where nothing is."""
-    unit, column = np.nonzero(~np.isnan(values))
-    return _mean_by(column, values[unit, column], values.shape[1])
-
-
-def _mean(values: NDArray[np.float64]) -> float:
+def mean_of_known(values: NDArray[np.float64]) -> float:
     """Mean of what is not NaN; 0 where nothing is."""
     finite = values[~np.isnan(values)]
     return float(finite.mean()) if len(finite) else 0.0

@@ -41,7 +41,9 @@ def prepare_plots(folder: Path) -> None:
     probe.unlink()
 
 
-def plot_confusion(path: Path, confusion: NDArray[np.int64], classes: tuple[str, ...], unit: str) -> None:
+def plot_confusion(
+    path: Path, confusion: NDArray[np.int64], classes: tuple[str, ...], unit: str
+) -> None:
     """Draw the confusion matrix, each row as shares of its true class, as PNG.
 
     Args:
@@ -67,13 +69,22 @@ def plot_confusion(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
         colour = "white" if shares[row, column] > _DARK else "black"
         text = f"{100 * shares[row, column]:.0f}"
         axes.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
-    axes.set_xticks(range(columns), names, rotation=45, ha="right", rotation_mode="anchor", parse_math=False)
+    axes.set_xticks(
+        range(columns), names, rotation=45, ha="right", rotation_mode="anchor", parse_math=False
+    )
     labels = [f"{name}  {count:,}" for name, count in zip(classes, total.tolist(), strict=True)]
     axes.set_yticks(range(len(classes)), labels, parse_math=False)
     axes.set(xlabel="predicted class", ylabel=f"true class and its {unit}s")
     accuracy = score_classes(confusion, classes).point_accuracy
     axes.set_title(f"Percent of each true class; accuracy {100 * accuracy:.1f} %", fontsize=11)
-    figure.colorbar(image, ax=axes, shrink=0.6, aspect=30, pad=0.01, format=lambda share, _: f"{100 * share:.0f} %")
+    figure.colorbar(
+        image,
+        ax=axes,
+        shrink=0.6,
+        aspect=30,
+        pad=0.01,
+        format=lambda share, _: f"{100 * share:.0f} %",
+    )
     _save(figure, path)
 
 
@@ -94,15 +105,28 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
     values = [scores.iou[name] for name in classes]
     figure = Figure(figsize=(max(6.0, 1.5 + 0.62 * len(classes)), 4.2), layout="constrained")
     axes = figure.add_subplot()
-    axes.bar(range(len(classes)), [value or 0.0 for value in values], color=_BLUE, width=0.7, zorder=2)
+    axes.bar(
+        range(len(classes)), [value or 0.0 for value in values], color=_BLUE, width=0.7, zorder=2
+    )
     for index, value in enumerate(values):
         text = "none" if value is None else f"{value:.2f}"
         colour = _GREY if value is None else "black"
-        axes.text(index, (value or 0.0) + 0.012, text, ha="center", va="bottom", fontsize=8, color=colour)
+        axes.text(
+            index, (value or 0.0) + 0.012, text, ha="center", va="bottom", fontsize=8, color=colour
+        )
     means = (("mIoU", scores.miou, "--"), ("mIoU of the classes present", scores.miou_present, ":"))
     for name, mean, style in means:
-        axes.axhline(mean, color=_RED, linestyle=style, linewidth=1.2, label=f"{name} {mean:.3f}", zorder=3)
-    axes.set_xticks(range(len(classes)), classes, rotation=45, ha="right", rotation_mode="anchor", parse_math=False)
+        axes.axhline(
+            mean, color=_RED, linestyle=style, linewidth=1.2, label=f"{name} {mean:.3f}", zorder=3
+        )
+    axes.set_xticks(
+        range(len(classes)),
+        classes,
+        rotation=45,
+        ha="right",
+        rotation_mode="anchor",
+        parse_math=False,
+    )
     axes.set(ylim=(0.0, 1.06), ylabel="IoU")
     figure.legend(loc="outside upper center", ncols=2, fontsize=9, frameon=False)
     _tidy(axes)
@@ -127,12 +151,23 @@ def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
     for name, curve in curves.items():
         scans = np.arange(1, len(curve.voxels) + 1) * (1.0 if single else 100.0 / len(curve.voxels))
         label = "mIoU of the classes seen so far" if single else name.lstrip("_")
-        axes.plot(scans, curve.miou_present, linewidth=1.6, label=label, color=_BLUE if single else None)
+        axes.plot(
+            scans, curve.miou_present, linewidth=1.6, label=label, color=_BLUE if single else None
+        )
         if single:
-            axes.plot(scans, curve.point_accuracy, linewidth=1.3, label="accuracy", color=_GREY, linestyle="--")
+            axes.plot(
+                scans,
+                curve.point_accuracy,
+                linewidth=1.3,
+                label="accuracy",
+                color=_GREY,
+                linestyle="--",
+            )
     axes.set(ylim=(0.0, 1.0), xlabel="scans" if single else "% of the scans of each run")
     axes.set_ylabel("score of the map so far" if single else "mIoU of the classes seen so far")
-    axes.set_xlim(1 if single else 0, max(2, len(next(iter(curves.values())).voxels)) if single else 100)
+    axes.set_xlim(
+        1 if single else 0, max(2, len(next(iter(curves.values())).voxels)) if single else 100
+    )
     axes.locator_params(axis="x", integer=True)
     if len(curves) <= _MOST_NAMED:
         for text in axes.legend(fontsize=9).get_texts():

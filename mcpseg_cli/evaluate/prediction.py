@@ -53,7 +53,12 @@ class Answer:
             return self.semantic
         if set(self.classes) - set(table):
             found = f"classes {', '.join(self.classes)}"
-            raise InputError(self.source, found, f"those of the first run: {', '.join(table)}", "score it by itself")
+            raise InputError(
+                self.source,
+                found,
+                f"those of the first run: {', '.join(table)}",
+                "score it by itself",
+            )
         return remap_table(self.classes, table)[self.semantic]
 
 
@@ -68,10 +73,17 @@ def read_answer(output: Path) -> Answer:
         OSError: It cannot be read.
     """
     if not output.exists():
-        raise InputError(output, "no such file or folder", "a run or a labelled cloud", "check the path")
+        raise InputError(
+            output, "no such file or folder", "a run or a labelled cloud", "check the path"
+        )
     path = output / "map.ply" if output.is_dir() else output
     if not path.is_file():
-        raise InputError(output, "no map.ply", "a folder that 'mcpseg segment' wrote, or one cloud", "check the path")
+        raise InputError(
+            output,
+            "no map.ply",
+            "a folder that 'mcpseg segment' wrote, or one cloud",
+            "check the path",
+        )
     cloud = read_cloud(path)
     _check_extent(cloud.xyz, path)
     semantic = class_column(cloud, path)
@@ -94,7 +106,9 @@ def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:
     extent = float(np.ptp(xyz.astype(np.float64), axis=0).max())
     if extent > 2 * MAX_COORDINATE:
         found, expected = f"points {extent:.6g} m apart", f"at most {2 * MAX_COORDINATE:.6g} m"
-        raise InputError(source, found, expected, "check for stray points, or convert millimetres to metres")
+        raise InputError(
+            source, found, expected, "check for stray points, or convert millimetres to metres"
+        )
 
 
 def _voxel_size(output: Path) -> float:
@@ -107,5 +121,7 @@ def _voxel_size(output: Path) -> float:
         if not 0.0 < size < np.inf:
             raise ValueError(size)
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again") from error
+        raise InputError(
+            path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again"
+        ) from error
     return size

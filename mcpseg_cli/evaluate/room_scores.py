@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.evaluate.class_scores import score_classes
-from mcpseg_cli.evaluate.cluster_scores import confusion_matrix
-from mcpseg_cli.evaluate.object_scores import ClusterScores, ObjectScores, score_clusters, score_objects
+from mcpseg_cli.evaluate.class_scores import confusion_matrix, score_classes
+from mcpseg_cli.evaluate.cluster_scores import ClusterScores, score_clusters
+from mcpseg_cli.evaluate.object_scores import ObjectScores, score_objects
 from mcpseg_cli.evaluate.overlaps import Overlaps, PointLabels, find_overlaps
 
 _COUNTS = ("objects_true", "objects_pred")
@@ -36,7 +36,11 @@ class Room:
 
     def document(self) -> dict[str, object]:
         """Give every figure by name."""
-        figures = {"points": self.points, "point_accuracy": self.point_accuracy, "miou_present": self.miou_present}
+        figures = {
+            "points": self.points,
+            "point_accuracy": self.point_accuracy,
+            "miou_present": self.miou_present,
+        }
         return {**figures, **asdict(self.clusters)}
 
 
@@ -61,7 +65,10 @@ class RoomScores:
         names = [field.name for field in fields(ClusterScores)]
         with_objects = [room for room in self.rooms if room.clusters.objects_true] or self.rooms
         values = {name: [getattr(room.clusters, name) for room in with_objects] for name in names}
-        clusters = {name: sum(values[name]) if name in _COUNTS else float(np.mean(values[name])) for name in names}
+        clusters = {
+            name: sum(values[name]) if name in _COUNTS else float(np.mean(values[name]))
+            for name in names
+        }
         return {
             "scored_over": "room",
             "rooms": len(self.rooms),
@@ -111,7 +118,10 @@ def score_rooms(
         confidence=None if confidence is None else confidence[order],
     )
     return RoomScores(
-        rooms=tuple(_score_room(rooms[number], _some(true, ids), _some(pred, ids), classes) for number, ids in named),
+        rooms=tuple(
+            _score_room(rooms[number], _some(true, ids), _some(pred, ids), classes)
+            for number, ids in named
+        ),
         without_room=len(room) - len(inside),
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),
@@ -126,6 +136,8 @@ def _some(labels: PointLabels, ids: NDArray[np.int64]) -> PointLabels:
 def _score_room(name: str, true: PointLabels, pred: PointLabels, classes: tuple[str, ...]) -> Room:
     """Score the points of one room."""
     known, in_object = true.semantic != UNKNOWN, true.instance > 0
-    scores = score_classes(confusion_matrix(true.semantic[known], pred.semantic[known], len(classes)), classes)
+    scores = score_classes(
+        confusion_matrix(true.semantic[known], pred.semantic[known], len(classes)), classes
+    )
     clusters = score_clusters(true.instance[in_object], pred.instance[in_object])
     return Room(name, len(true.semantic), scores.point_accuracy, scores.miou_present, clusters)

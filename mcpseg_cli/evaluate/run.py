@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.evaluate.class_scores import score_classes
-from mcpseg_cli.evaluate.cluster_scores import confusion_matrix
-from mcpseg_cli.evaluate.object_scores import ClusterScores, ObjectScores, score_clusters, score_objects
+from mcpseg_cli.evaluate.class_scores import confusion_matrix, score_classes
+from mcpseg_cli.evaluate.cluster_scores import ClusterScores, score_clusters
+from mcpseg_cli.evaluate.object_scores import ObjectScores, score_objects
 from mcpseg_cli.evaluate.overlaps import Overlaps, PointLabels, find_overlaps
 from mcpseg_cli.evaluate.pairing import PairedTruth, pair_with_truth
 from mcpseg_cli.evaluate.prediction import Answer, read_answer
@@ -122,11 +122,12 @@ def evaluate_run(
         told: How far reading has come.
 
     Returns:
-        The scores. A point is compared with the true point at its place in an identical cloud, else with the nearest
-        one within half a voxel.
+        The scores. A point is compared with the true point at its place in an identical cloud, else
+        with the nearest one within half a voxel.
 
     Raises:
-        InputError: A file is damaged or has no labels, no point has truth nearby, or no class is common to both.
+        InputError: A file is damaged or has no labels, no point has truth nearby, or no class is
+            common to both.
         OSError: A file cannot be read.
     """
     answer = read_answer(output)
@@ -134,19 +135,36 @@ def evaluate_run(
     table = classes or answer.classes or _table_of_truth(answer, source)
     semantic = answer.classes_in(table)
     paired = pair_with_truth(
-        answer.xyz, source, table, answer.voxel_size / 2, lambda done: told("ground truth", done, len(source))
+        answer.xyz,
+        source,
+        table,
+        answer.voxel_size / 2,
+        lambda done: told("ground truth", done, len(source)),
     )
     if not paired.covered.any():
         raise InputError(
-            output, f"no point near those of {truth}", "the same place in the same frame", "check the two paths"
+            output,
+            f"no point near those of {truth}",
+            "the same place in the same frame",
+            "check the two paths",
         )
     unscored = _unscored(truth, paired)
     followed, missing = None, ""
     if output.is_dir():
-        followed, missing = _follow(output, answer, remap_table(table, answer.classes or table)[paired.semantic], told)
+        followed, missing = _follow(
+            output, answer, remap_table(table, answer.classes or table)[paired.semantic], told
+        )
     classes_from, assumed = _whose_table(answer, source, paired, table)
-    notices = (*source.notices, *assumed, *_unmatched(paired), *unscored, *([missing] if missing else []))
-    return _score(answer, semantic, source, paired, followed=followed, facts=(table, classes_from, notices))
+    notices = (
+        *source.notices,
+        *assumed,
+        *_unmatched(paired),
+        *unscored,
+        *([missing] if missing else []),
+    )
+    return _score(
+        answer, semantic, source, paired, followed=followed, facts=(table, classes_from, notices)
+    )
 
 
 def _follow(
@@ -157,7 +175,11 @@ def _follow(
     final = RunMap(xyz, answer.semantic, answer.instance, answer.voxel_size)
     count = len(answer.classes) or int(true_semantic[true_semantic < UNKNOWN].max(initial=0)) + 1
     return follow_run(
-        output, final, true_semantic, count, lambda done, all_scans: told("labelled scans", done, all_scans)
+        output,
+        final,
+        true_semantic,
+        count,
+        lambda done, all_scans: told("labelled scans", done, all_scans),
     )
 
 
@@ -202,7 +224,9 @@ def _score(
         clusters=score_clusters(true.instance[in_object], pred.instance[in_object]),
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),
-        rooms=score_rooms(true, pred, paired.room[ids], rooms=truth.rooms, classes=classes, confidence=confidence),
+        rooms=score_rooms(
+            true, pred, paired.room[ids], rooms=truth.rooms, classes=classes, confidence=confidence
+        ),
         followed=followed,
         notices=notices,
     )
@@ -226,9 +250,13 @@ def _whose_table(
     if answer.classes and paired.is_named:
         return "out and gt, by name", ()
     if answer.classes:
-        return "out", (f"{truth.source} names no classes; they are taken to be those of {answer.source}: {span}",)
+        return "out", (
+            f"{truth.source} names no classes; they are taken to be those of {answer.source}: {span}",
+        )
     if paired.is_named:
-        return "gt", (f"{answer.source} names no classes; they are taken to be those of {truth.source}: {span}",)
+        return "gt", (
+            f"{answer.source} names no classes; they are taken to be those of {truth.source}: {span}",
+        )
     return "neither", ("neither file names classes; equal numbers are taken for equal classes",)
 
 
@@ -250,4 +278,8 @@ def _unscored(truth: Path, paired: PairedTruth) -> tuple[str, ...]:
         raise InputError(truth, found, "labelled ground truth", "label it, or check the path")
     if not has_classes:
         return (f"{truth}: no covered point has a class; class and object figures are 0",)
-    return () if has_objects else (f"{truth}: no covered point is in an object; cluster and object figures are 0",)
+    return (
+        ()
+        if has_objects
+        else (f"{truth}: no covered point is in an object; cluster and object figures are 0",)
+    )

@@ -19,9 +19,11 @@ from mcpseg_cli.formats.labels import class_column, object_column
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import to_map_frame
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.events import Latency, ScanEvent, measure_latency, read_events
+from mcpseg_cli.segment.events import ScanEvent, read_events
 
-_LAS_ROUNDING = 1e-4  # metres; the coordinates of other formats are rounded to this when written as LAS
+_LAS_ROUNDING = (
+    1e-4  # metres; the coordinates of other formats are rounded to this when written as LAS
+)
 
 
 @dataclass(frozen=True)
@@ -87,14 +89,18 @@ def follow_run(
         told: Called after every scan with how many are done and how many there are.
 
     Returns:
-        What there is to tell, and why something is missing (empty if nothing is). None without events.jsonl.
+        What there is to tell, and why something is missing (empty if nothing is). None without
+        events.jsonl.
 
     Raises:
         InputError: events.jsonl or a labelled scan is damaged.
     """
     path = output / "events.jsonl"
     if not path.is_file():
-        return None, f"{path} is not there; times, stability and the curve over scans are not measured"
+        return (
+            None,
+            f"{path} is not there; times, stability and the curve over scans are not measured",
+        )
     events = read_events(path)
     skipped = sum(event.skipped for event in events)
     followed = FollowedRun(len(events), skipped, measure_latency(events), None, None)
@@ -106,17 +112,24 @@ def follow_run(
         reason = f"{missing:,} of {len(files):,} labelled scans are missing in {output / 'scans'}"
         return followed, f"{reason}; stability is not measured"
     if len(voxels) != len(final.xyz):
-        return followed, f"{output / 'map.ply'} has several points in a voxel; stability is not measured"
+        return (
+            followed,
+            f"{output / 'map.ply'} has several points in a voxel; stability is not measured",
+        )
     try:
         poses = _poses(output, events)
     except (StateError, OutputError) as error:
         return followed, f"{error}; stability is not measured"
     history, recorder = LabelHistory(true_semantic), CurveRecorder(true_semantic, num_classes)
-    for number, (ids, semantic, instance) in enumerate(_looks(output, files, poses, voxels), start=1):
+    for number, (ids, semantic, instance) in enumerate(
+        _looks(output, files, poses, voxels), start=1
+    ):
         history.look(ids, semantic, instance)
         recorder.look(ids, semantic)
         told(number, len(files))
-    return replace(followed, stability=history.finish(final.semantic, final.instance), curve=recorder.curve()), ""
+    return replace(
+        followed, stability=history.finish(final.semantic, final.instance), curve=recorder.curve()
+    ), ""
 
 
 def _labelled_scans(output: Path, events: list[ScanEvent]) -> list[Path]:
@@ -155,7 +168,9 @@ def _is_inside(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.bool_]
 
 def _in_map(cloud: Cloud, pose: NDArray[np.float64] | None) -> NDArray[np.float32]:
     """Return the (N, 3) float32 points in the map frame; a labelled scan has its own frame, as its input had."""
-    return cloud.xyz.astype(np.float32, copy=False) if pose is None else to_map_frame(cloud.xyz, pose)
+    return (
+        cloud.xyz.astype(np.float32, copy=False) if pose is None else to_map_frame(cloud.xyz, pose)
+    )
 
 
 def _poses(output: Path, events: list[ScanEvent]) -> list[NDArray[np.float64]] | None:
@@ -172,7 +187,9 @@ def _poses(output: Path, events: list[ScanEvent]) -> list[NDArray[np.float64]] |
         return [records[event.name] for event in events if not event.skipped]
     except KeyError as error:
         found = f"no pose for {error.args[0]}"
-        raise InputError(output / "state.sqlite", found, "every scan of events.jsonl", "run segment again") from error
+        raise InputError(
+            output / "state.sqlite", found, "every scan of events.jsonl", "run segment again"
+        ) from error
 
 
 def _configuration(output: Path) -> dict[str, object]:
@@ -185,3 +202,27 @@ def _configuration(output: Path) -> dict[str, object]:
             path, "no configuration", "a run.json that mcpseg wrote", "run mcpseg segment again"
         ) from error
     return dict(configuration)
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Milliseconds per scan, reading and writing included.
+
+    Attributes:
+        p50: Median.
+        p95: 95th percentile.
+        max: The slowest.
+    """
+
+    p50: float
+    p95: float
+    max: float
+
+
+def measure_latency(events: list[ScanEvent]) -> Latency | None:
+    """Summarise the milliseconds of the scans that have them; None if none has."""
+    ms = [event.ms for event in events if event.ms is not None and not event.skipped]
+    if not ms:
+        return None
+    p50, p95, highest = np.percentile(ms, [50, 95, 100])
+    return Latency(float(p50), float(p95), float(highest))

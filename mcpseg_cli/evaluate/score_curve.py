@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.evaluate.cluster_scores import intersection_over_union
+from mcpseg_cli.evaluate.class_scores import intersection_over_union
 
 _TENTHS = tuple(range(10, 101, 10))
 

@@ -88,8 +88,8 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
     """Find out what ground truth is and which rooms it names; clouds are not read yet.
 
     Args:
-        path: A folder of labelled clouds (with ``raytrace.json`` beside it, the rooms are known), one labelled cloud,
-            an HDF5 building, or an area or room in the S3DIS layout.
+        path: A folder of labelled clouds (with ``raytrace.json`` beside it, the rooms are known),
+            one labelled cloud, an HDF5 building, or an area or room in the S3DIS layout.
         progress: Told how far reading S3DIS text has come.
 
     Raises:
@@ -99,7 +99,9 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
     if not path.exists():
         raise InputError(path, "no such file or folder", "ground truth", "check the path")
     if path.is_dir() and not any(path.iterdir()):
-        raise InputError(path, "an empty folder", "labelled clouds or an S3DIS area", "check the path")
+        raise InputError(
+            path, "an empty folder", "labelled clouds or an S3DIS area", "check the path"
+        )
     if (path / "raytrace.json").is_file():
         raise InputError(path, "a recording", "its ground truth", f"name {path / 'gt'}")
     if path.is_dir() and _has_clouds(path):
@@ -113,7 +115,9 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
 
 def _has_clouds(folder: Path) -> bool:
     """Tell whether clouds lie in a folder itself."""
-    return any(path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "." for path in folder.iterdir())
+    return any(
+        path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "." for path in folder.iterdir()
+    )
 
 
 def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32] | None]:
@@ -121,10 +125,19 @@ def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32
     if not record.is_file():
         return (), None
     try:
-        objects = {int(item["id"]): str(item["name"]) for item in json.loads(record.read_text()).get("objects", [])}
+        objects = {
+            int(item["id"]): str(item["name"])
+            for item in json.loads(record.read_text()).get("objects", [])
+        }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(record, "no list of objects", "a record of mcpseg raytrace", "run it again") from error
-    names = {number: name.rpartition("/")[0] for number, name in objects.items() if number > 0 and "/" in name}
+        raise InputError(
+            record, "no list of objects", "a record of mcpseg raytrace", "run it again"
+        ) from error
+    names = {
+        number: name.rpartition("/")[0]
+        for number, name in objects.items()
+        if number > 0 and "/" in name
+    }
     rooms = tuple(dict.fromkeys(names.values()))
     if not rooms:
         return (), None
@@ -133,7 +146,9 @@ def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32
     return rooms, room_of_object
 
 
-def _look_up(room_of_object: NDArray[np.int32] | None, instance: NDArray[np.int32]) -> NDArray[np.int32]:
+def _look_up(
+    room_of_object: NDArray[np.int32] | None, instance: NDArray[np.int32]
+) -> NDArray[np.int32]:
     """Return the (N,) room of each point's object."""
     if room_of_object is None:
         return np.full(len(instance), NO_ROOM, np.int32)

@@ -15,12 +15,33 @@ ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")
 UNKNOWN_COLOUR = (128, 128, 128)
 _CLASS_COLOURS = {
-    "ceiling": "#b8c8d8", "floor": "#c8b088", "wall": "#8899aa", "beam": "#e0a030", "column": "#ff00c8",
-    "window": "#46d2f0", "door": "#a0622d", "table": "#2f7fe0", "chair": "#e23b3b", "sofa": "#8b2fc9",
-    "bookcase": "#2ca02c", "board": "#151515", "clutter": "#f2d024",
-}  # fmt: skip
-_CONFIDENCE_RAMP = ("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725")
-_GOLDEN = 0.6180339887  # steps of this share of a circle keep consecutive numbers far apart, however many follow
+    "ceiling": "#b8c8d8",
+    "floor": "#c8b088",
+    "wall": "#8899aa",
+    "beam": "#e0a030",
+    "column": "#ff00c8",
+    "window": "#46d2f0",
+    "door": "#a0622d",
+    "table": "#2f7fe0",
+    "chair": "#e23b3b",
+    "sofa": "#8b2fc9",
+    "bookcase": "#2ca02c",
+    "board": "#151515",
+    "clutter": "#f2d024",
+}
+_CONFIDENCE_RAMP = (
+    "#440154",
+    "#472d7b",
+    "#3b528b",
+    "#2c728e",
+    "#21918c",
+    "#28ae80",
+    "#5ec962",
+    "#addc30",
+    "#fde725",
+)
+# steps of this share of a circle keep consecutive numbers far apart, however many follow
+_GOLDEN = 0.6180339887
 _PLASTIC = 0.7548776662  # the same in a second direction, with no common period
 _FIT_VOXELS = 100_000  # voxels that decide the axes of the embedding's colours
 
@@ -90,7 +111,9 @@ class EmbeddingColours:
         spread = np.cov(embedding.T.astype(np.float64))
         _, vectors = np.linalg.eigh(spread)
         axes = vectors[:, -1:-4:-1]
-        axes *= np.sign(axes[np.abs(axes).argmax(axis=0), np.arange(3)])  # a direction has two signs: choose one
+        axes *= np.sign(
+            axes[np.abs(axes).argmax(axis=0), np.arange(3)]
+        )  # a direction has two signs: choose one
         low, high = np.percentile(embedding @ axes, (1, 99), axis=0)
         return cls(axes.astype(np.float32), low.astype(np.float32), high.astype(np.float32))
 
@@ -130,12 +153,23 @@ def _from_hex(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _from_oklab(lightness: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _from_oklab(
+    lightness: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]
+) -> NDArray[np.uint8]:
     """Convert (N,) OKLab coordinates (Ottosson 2020), in which distances are as far as they look, to (N, 3) sRGB."""
     lab = np.stack([lightness, a, b])
-    cones = np.array([[1, 0.3963378, 0.2158038], [1, -0.1055613, -0.0638542], [1, -0.0894842, -1.2914855]]) @ lab
+    cones = (
+        np.array(
+            [[1, 0.3963378, 0.2158038], [1, -0.1055613, -0.0638542], [1, -0.0894842, -1.2914855]]
+        )
+        @ lab
+    )
     linear = np.array(
-        [[4.0767417, -3.3077116, 0.2309699], [-1.2684380, 2.6097574, -0.3413194], [-0.0041961, -0.7034186, 1.7076147]]
+        [
+            [4.0767417, -3.3077116, 0.2309699],
+            [-1.2684380, 2.6097574, -0.3413194],
+            [-0.0041961, -0.7034186, 1.7076147],
+        ]
     ) @ (cones**3)
     linear = np.clip(linear, 0.0, 1.0).T
     gamma = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -29,7 +29,7 @@ from mcpseg_cli.export.colours import (
     instance_colours,
 )
 from mcpseg_cli.export.selection import Selection
-from mcpseg_cli.formats.whole import write_whole
+from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _STEPS = 65_535  # positions are kept as 16-bit steps of the longest side: 1.5 mm for 100 m
@@ -51,7 +51,9 @@ class _Points:
     scan: NDArray[np.int32]
 
 
-def write_html(run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "class") -> int:
+def write_html(
+    run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "class"
+) -> int:
     """Write the chosen voxels as one HTML file.
 
     Args:
@@ -72,12 +74,19 @@ def write_html(run: LabelledRun, path: Path, selection: Selection, colour_by: Co
     points = _gather(selection.parts(run), colouring(run, "embedding"))
     cloud, facts = _describe(run, points, colour_by)
     title = escape(run.folder.resolve().name or "map")
-    texts = {"title": title, "facts": _as_script_json(facts), "cloud": _packed(cloud), "library": _packed(library)}
+    texts = {
+        "title": title,
+        "facts": _as_script_json(facts),
+        "cloud": _packed(cloud),
+        "library": _packed(library),
+    }
     write_whole(path, _fill(texts))
     return len(points.scan)
 
 
-def _describe(run: LabelledRun, points: _Points, colour_by: ColourBy) -> tuple[bytes, dict[str, object]]:
+def _describe(
+    run: LabelledRun, points: _Points, colour_by: ColourBy
+) -> tuple[bytes, dict[str, object]]:
     """Give the columns of the page as bytes, and all else that it has to know."""
     origin = (points.xyz.min(axis=0).astype(np.float64) + points.xyz.max(axis=0)) / 2
     local = points.xyz - origin
@@ -115,13 +124,18 @@ def _library() -> bytes:
 def _gather(parts: Iterable[MapPart], colour: Callable[[MapPart], NDArray[np.uint8]]) -> _Points:
     """Join the parts without their embeddings, of which only the colours are shown."""
     rows = [
-        (part.xyz, part.rgb, part.semantic, part.instance, part.confidence, colour(part), part.scan) for part in parts
+        (part.xyz, part.rgb, part.semantic, part.instance, part.confidence, colour(part), part.scan)
+        for part in parts
     ]
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
 def _columns(
-    points: _Points, local: NDArray[np.float64], step: float, path: NDArray[np.float32], classes: tuple[str, ...]
+    points: _Points,
+    local: NDArray[np.float64],
+    step: float,
+    path: NDArray[np.float32],
+    classes: tuple[str, ...],
 ) -> dict[str, NDArray[np.generic]]:
     """Give the arrays of the page; positions axis by axis, which packs better."""
     ids, place, sizes = np.unique(points.instance, return_inverse=True, return_counts=True)
@@ -154,15 +168,22 @@ def _pack(columns: dict[str, NDArray[np.generic]]) -> tuple[bytes, list[dict[str
     return bytes(blob), table
 
 
-def _legend(semantic: NDArray[np.uint8], classes: tuple[str, ...]) -> list[dict[str, str | int | bool]]:
+def _legend(
+    semantic: NDArray[np.uint8], classes: tuple[str, ...]
+) -> list[dict[str, str | int | bool]]:
     """List the classes that occur."""
     counts = np.bincount(semantic, minlength=256)
     names = {**dict(enumerate(classes)), UNKNOWN: "unknown"}
     return [
-        {"semantic": index, "name": names.get(index, f"class {index}"), "num_points": int(counts[index]),
-         "shown": names.get(index) not in _HIDDEN_AT_FIRST or int(counts[index]) == len(semantic)}
+        {
+            "semantic": index,
+            "name": names.get(index, f"class {index}"),
+            "num_points": int(counts[index]),
+            "shown": names.get(index) not in _HIDDEN_AT_FIRST
+            or int(counts[index]) == len(semantic),
+        }
         for index in np.flatnonzero(counts).tolist()
-    ]  # fmt: skip
+    ]
 
 
 def _as_script_json(document: object) -> str:
@@ -181,7 +202,8 @@ def _fill(texts: dict[str, str]) -> str:
     """Fill the page's places; what is put in is not looked through for places again."""
     page = files("mcpseg_cli.export") / "page"
     texts = texts | {
-        name: (page / f"page.{kind}").read_text("utf-8") for name, kind in (("style", "css"), ("script", "js"))
+        name: (page / f"page.{kind}").read_text("utf-8")
+        for name, kind in (("style", "css"), ("script", "js"))
     }
     pieces = (page / "page.html").read_text("utf-8").split("{{")
     filled = [pieces[0]]

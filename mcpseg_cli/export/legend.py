@@ -24,7 +24,9 @@ class LegendEntry:
     is_line: bool = False
 
 
-def legend_entries(colour_by: ColourBy, classes: tuple[str, ...], present: NDArray[np.bool_]) -> list[LegendEntry]:
+def legend_entries(
+    colour_by: ColourBy, classes: tuple[str, ...], present: NDArray[np.bool_]
+) -> list[LegendEntry]:
     """List what colours mean.
 
     Args:
@@ -37,10 +39,17 @@ def legend_entries(colour_by: ColourBy, classes: tuple[str, ...], present: NDArr
     """
     if colour_by == "class":
         palette = class_palette(classes).tolist()
-        return [LegendEntry(name, tuple(palette[index])) for index, name in enumerate(classes) if present[index]]
+        return [
+            LegendEntry(name, tuple(palette[index]))
+            for index, name in enumerate(classes)
+            if present[index]
+        ]
     if colour_by == "confidence":
         ramp = confidence_colours(np.array(_CONFIDENCES)).tolist()
-        return [LegendEntry(f"{value:g}", tuple(colour)) for value, colour in zip(_CONFIDENCES, ramp, strict=True)]
+        return [
+            LegendEntry(f"{value:g}", tuple(colour))
+            for value, colour in zip(_CONFIDENCES, ramp, strict=True)
+        ]
     return []
 
 
@@ -55,7 +64,11 @@ def with_legend(picture: Image.Image, entries: list[LegendEntry]) -> Image.Image
             lines.append([])
         lines[-1].append(number)
     line_height = int(1.7 * text)
-    whole = Image.new("RGB", (picture.width, picture.height + line_height * len(lines) + text // 2), (255, 255, 255))
+    whole = Image.new(
+        "RGB",
+        (picture.width, picture.height + line_height * len(lines) + text // 2),
+        (255, 255, 255),
+    )
     whole.paste(picture)
     canvas = ImageDraw.Draw(whole)
     for row, line in enumerate(lines):
@@ -63,12 +76,20 @@ def with_legend(picture: Image.Image, entries: list[LegendEntry]) -> Image.Image
         y = picture.height + row * line_height + text // 5
         for number in line:
             _draw_symbol(canvas, entries[number], (x, y), text)
-            canvas.text((x + 1.35 * text, y + text // 2), entries[number].name, (30, 30, 30), font, anchor="lm")
+            canvas.text(
+                (x + 1.35 * text, y + text // 2),
+                entries[number].name,
+                (30, 30, 30),
+                font,
+                anchor="lm",
+            )
             x += widths[number]
     return whole
 
 
-def _draw_symbol(canvas: ImageDraw.ImageDraw, entry: LegendEntry, corner: tuple[int, int], side: int) -> None:
+def _draw_symbol(
+    canvas: ImageDraw.ImageDraw, entry: LegendEntry, corner: tuple[int, int], side: int
+) -> None:
     x, y = corner
     if entry.is_line:
         canvas.line((x, y + side // 2, x + side, y + side // 2), entry.colour, max(2, side // 6))

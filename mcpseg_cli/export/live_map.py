@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream
-from mcpseg_cli.segment.checkpoint import MapRows, ScanRecord
+from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 SPAWN = "spawn"
 _ANSWER_S = 5.0  # a viewer that is there takes what it is told within this time
@@ -22,8 +23,8 @@ class LiveMap:
     """Tells Rerun of each scan after it is committed; a context manager.
 
     Args:
-        target: ``spawn`` starts a viewer, which comes with rerun-sdk; the URL of a viewer (``rerun+http://…/proxy``) is
-            connected to; a .rrd file is written, replaced if there.
+        target: ``spawn`` starts a viewer, which comes with rerun-sdk; the URL of a viewer
+            (``rerun+http://…/proxy``) is connected to; a .rrd file is written, replaced if there.
         classes: Names that ``semantic`` indexes.
         voxel_size: Metres.
 
@@ -51,11 +52,16 @@ class LiveMap:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._stream.disconnect()
 
-    def follow(self, records: Sequence[ScanRecord], rows: MapRows, changed: NDArray[np.int32]) -> None:
+    def follow(
+        self, records: Sequence[ScanRecord], rows: MapRows, changed: NDArray[np.int32]
+    ) -> None:
         """Tell of all scans since the last call, and of earlier voxels whose labels changed.
 
         Args:
@@ -67,7 +73,9 @@ class LiveMap:
         for number in range(known, len(records)):
             start = self._ends[-1] if self._ends else 0
             self._ends.append(records[number].num_voxels)
-            self._log.add_scan(number, records[number].pose, _points(rows, slice(start, self._ends[-1])))
+            self._log.add_scan(
+                number, records[number].pose, _points(rows, slice(start, self._ends[-1]))
+            )
         ends = np.array(self._ends)
         owners = np.unique(np.searchsorted(ends, changed, side="right"))
         for number in owners[owners < known].tolist():
@@ -85,8 +93,12 @@ class LiveMap:
                 path.write_bytes(b"")  # fails as a file should; Rerun's own words say less
             self._stream.save(path)
         else:
-            raise OutputError(f"--rerun {self._target}: unknown; expected 'spawn', a viewer's URL or a .rrd file")
+            raise OutputError(
+                f"--rerun {self._target}: unknown; expected 'spawn', a viewer's URL or a .rrd file"
+            )
 
 
 def _points(rows: MapRows, which: slice) -> LabelledPoints:
-    return LabelledPoints(rows.xyz[which], rows.semantic[which], rows.instance[which], rows.confidence[which])
+    return LabelledPoints(
+        rows.xyz[which], rows.semantic[which], rows.instance[which], rows.confidence[which]
+    )

@@ -15,7 +15,8 @@ from mcpseg_cli.formats import Cloud, write_parts
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _COLOURS = ("red", "green", "blue")
-_SCALAR = "scalar_"  # CloudCompare loads PLY properties of this prefix as scalar fields, others only when asked to
+# CloudCompare loads PLY properties of this prefix as scalar fields, others only when asked to
+_SCALAR = "scalar_"
 
 
 class MapCloud:
@@ -32,7 +33,11 @@ class MapCloud:
     """
 
     def __init__(
-        self, run: LabelledRun, selection: Selection, colour_by: ColourBy = "rgb", label_prefix: str = ""
+        self,
+        run: LabelledRun,
+        selection: Selection,
+        colour_by: ColourBy = "rgb",
+        label_prefix: str = "",
     ) -> None:
         self._run = run
         self._selection = selection
@@ -63,7 +68,10 @@ class MapCloud:
 
 
 def as_cloud(
-    part: MapPart, colour: Callable[[MapPart], NDArray[np.uint8]], classes: tuple[str, ...], label_prefix: str = ""
+    part: MapPart,
+    colour: Callable[[MapPart], NDArray[np.uint8]],
+    classes: tuple[str, ...],
+    label_prefix: str = "",
 ) -> Cloud:
     """Make a cloud of some voxels, with the attributes of map.ply.
 
@@ -74,7 +82,9 @@ def as_cloud(
         label_prefix: In front of ``semantic``, ``instance`` and ``confidence``.
     """
     rgb = colour(part)
-    columns: dict[str, NDArray[np.generic]] = {axis: part.xyz[:, place] for place, axis in enumerate("xyz")}
+    columns: dict[str, NDArray[np.generic]] = {
+        axis: part.xyz[:, place] for place, axis in enumerate("xyz")
+    }
     columns |= {name: rgb[:, place] for place, name in enumerate(_COLOURS)}
     columns[f"{label_prefix}semantic"] = part.semantic
     columns[f"{label_prefix}instance"] = part.instance
@@ -87,7 +97,9 @@ def label_prefix_for(path: Path) -> str:
     return _SCALAR if path.suffix.lower() == ".ply" else ""
 
 
-def write_map(run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "rgb") -> int:
+def write_map(
+    run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "rgb"
+) -> int:
     """Write the chosen voxels as a cloud file, part by part.
 
     Args:

@@ -15,8 +15,8 @@ from mcpseg_cli.export.map_cloud import as_cloud, label_prefix_for
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts
 from mcpseg_cli.formats.parts import OnePart
-from mcpseg_cli.formats.whole import write_whole
 from mcpseg_cli.incremental.objects import MapObject
+from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun, joined
 
 _AXES = {
@@ -30,8 +30,9 @@ def write_objects(run: LabelledRun, path: Path, selection: Selection) -> int:
 
     Args:
         run: The map.
-        path: A .json file (as objects.json of a run), .csv (a row an object) or .geojson (a footprint an object: its
-            oriented box from above, coordinates in metres of the map frame); replaced if there.
+        path: A .json file (as objects.json of a run), .csv (a row an object) or .geojson (a
+            footprint an object: its oriented box from above, coordinates in metres of the map
+            frame); replaced if there.
         selection: Which objects: by their class, id, confidence and centroid.
 
     Returns:
@@ -102,7 +103,10 @@ def _as_csv(items: list[MapObject]) -> str:
         row: dict[str, object] = {}
         for name, value in asdict(item).items():
             if name in _AXES:
-                row |= {f"{name}_{axis}": number for axis, number in zip(_AXES[name], value, strict=True)}
+                row |= {
+                    f"{name}_{axis}": number
+                    for axis, number in zip(_AXES[name], value, strict=True)
+                }
             else:
                 row[name] = value
         rows.append(row)
@@ -135,4 +139,6 @@ def _footprint(item: MapObject, least: float) -> list[list[float]]:
     along = np.array([np.cos(yaw), np.sin(yaw)]) * length / 2
     across = np.array([-np.sin(yaw), np.cos(yaw)]) * width / 2
     corners = [-along - across, along - across, along + across, -along + across, -along - across]
-    return [[round(float(value), 4) for value in corner + item.obb_centre[:2]] for corner in corners]
+    return [
+        [round(float(value), 4) for value in corner + item.obb_centre[:2]] for corner in corners
+    ]

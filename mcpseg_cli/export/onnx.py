@@ -21,7 +21,9 @@ from mcpseg_cli.networks.weights import Weights
 if TYPE_CHECKING:
     import onnx
 
-_UNSUPPORTED = ("pointnet2",)  # which points it keeps is a loop over the batch, which ONNX would fix at one size
+_UNSUPPORTED = (
+    "pointnet2",
+)  # which points it keeps is a loop over the batch, which ONNX would fix at one size
 _OPSET = 18
 _TOLERANCE = 1e-4  # of embeddings, which are of unit length, and of logits relative to their range
 _CHECKED_BATCHES = (1, 37, 256)  # points; other than the size the graph was traced with
@@ -36,9 +38,10 @@ _SCOPE = (
 def write_onnx(weights: Weights, path: Path) -> float:
     """Write a network as an ONNX model of any number of points, and compare it with PyTorch in onnxruntime.
 
-    Inputs are ``centre`` (N, 6) and, for a network with context, ``context`` (N, K, 6), as ``context.network_input``
-    and ``context.context_input`` make them; outputs are ``embedding`` (N, E), for a network that has one, and
-    ``logits`` (N, C). The model's metadata tell class table, architecture, batch size, context and scope of pooling.
+    Inputs are ``centre`` (N, 6) and, for a network with context, ``context`` (N, K, 6), as
+    ``context.network_input`` and ``context.context_input`` make them; outputs are ``embedding`` (N,
+    E), for a network that has one, and ``logits`` (N, C). The model's metadata tell class table,
+    architecture, batch size, context and scope of pooling.
 
     Args:
         weights: Network and class table.
@@ -48,7 +51,8 @@ def write_onnx(weights: Weights, path: Path) -> float:
         The largest difference found from PyTorch, of any output.
 
     Raises:
-        OutputError: onnx, onnxscript or onnxruntime is not installed, or the network cannot be written so.
+        OutputError: onnx, onnxscript or onnxruntime is not installed, or the network cannot be
+            written so.
         OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
     """
     if weights.info.architecture in _UNSUPPORTED:
@@ -61,7 +65,9 @@ def write_onnx(weights: Weights, path: Path) -> float:
         import onnxruntime  # noqa: F401
         import onnxscript  # noqa: F401
     except ModuleNotFoundError as error:
-        raise OutputError(f"{path}: needs {error.name}; expected it installed; pip install 'mcpseg[onnx]'") from error
+        raise OutputError(
+            f"{path}: needs {error.name}; expected it installed; pip install 'mcpseg[onnx]'"
+        ) from error
     network = weights.network.eval().float()
     model = _trace(network, weights.info.num_context)
     for key, value in _metadata(weights).items():
@@ -106,11 +112,15 @@ def _trace(network: Network, num_context: int) -> onnx.ModelProto:
         with warnings.catch_warnings(), torch.inference_mode():
             warnings.simplefilter("ignore")
             program = torch.onnx.export(
-                _Outputs(network).eval(), example, dynamo=True, dynamic_shapes=shapes, opset_version=_OPSET,
+                _Outputs(network).eval(),
+                example,
+                dynamo=True,
+                dynamic_shapes=shapes,
+                opset_version=_OPSET,
                 input_names=["centre", "context"][: len(example)],
                 output_names=["embedding", "logits"] if network.has_embedding else ["logits"],
                 verbose=False,
-            )  # fmt: skip
+            )
     finally:
         logger.setLevel(level)
     if program is None:
@@ -122,7 +132,9 @@ def _example(network: Network, num_points: int, num_context: int) -> tuple[Tenso
     """Make random points like those around a robot."""
     rng = np.random.default_rng(num_points)
     centre = torch.from_numpy(rng.normal(0, 0.5, (num_points, NUM_FEATURES)).astype(np.float32))
-    context = torch.from_numpy(rng.normal(0, 0.2, (num_points, num_context, NUM_FEATURES)).astype(np.float32))
+    context = torch.from_numpy(
+        rng.normal(0, 0.2, (num_points, num_context, NUM_FEATURES)).astype(np.float32)
+    )
     return (centre, context) if network.needs_context else (centre,)
 
 
@@ -158,7 +170,9 @@ def _difference(network: Network, model: bytes, num_context: int) -> float:
     largest = 0.0
     for num_points in _CHECKED_BATCHES:
         inputs = _example(network, num_points, num_context)
-        found = session.run(None, {name: value.numpy() for name, value in zip(names, inputs, strict=True)})
+        found = session.run(
+            None, {name: value.numpy() for name, value in zip(names, inputs, strict=True)}
+        )
         with torch.inference_mode():
             expected = _Outputs(network)(*inputs)
         for have, want in zip(found, expected, strict=True):

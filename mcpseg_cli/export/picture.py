@@ -36,7 +36,9 @@ class _Scene:
     entries: list[LegendEntry]
 
 
-def write_picture(run: LabelledRun, path: Path, selection: Selection, settings: PictureSettings) -> int:
+def write_picture(
+    run: LabelledRun, path: Path, selection: Selection, settings: PictureSettings
+) -> int:
     """Draw a map into a PNG file.
 
     Args:
@@ -59,11 +61,16 @@ def write_picture(run: LabelledRun, path: Path, selection: Selection, settings: 
     return len(scene.xyz)
 
 
-def write_turntable(run: LabelledRun, path: Path, selection: Selection, settings: PictureSettings) -> int:
+def write_turntable(
+    run: LabelledRun, path: Path, selection: Selection, settings: PictureSettings
+) -> int:
     """Draw a map that turns once around into a GIF file; see ``write_picture``."""
     scene = _collect(run, selection, settings)
     turns = np.linspace(0.0, 360.0, _FRAMES, endpoint=False) + (settings.yaw_deg or 0.0)
-    frames = [_draw(scene, settings.view, yaw_deg, _TURNTABLE_SIZE, is_turning=True) for yaw_deg in turns.tolist()]
+    frames = [
+        _draw(scene, settings.view, yaw_deg, _TURNTABLE_SIZE, is_turning=True)
+        for yaw_deg in turns.tolist()
+    ]
     frames = [with_legend(frame, scene.entries) for frame in frames]
     _save(frames[0], path, frames[1:])
     return len(scene.xyz)
@@ -90,7 +97,9 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     floor = _floors(run)
     xyz, rgb, present = [], [], np.zeros(256, bool)
     for part in run.parts():
-        chosen = selection.mask(part, run.classes) & (part.xyz[:, 2] - floor[part.scan] < settings.cut)
+        chosen = selection.mask(part, run.classes) & (
+            part.xyz[:, 2] - floor[part.scan] < settings.cut
+        )
         kept: MapPart = part.select(chosen)
         xyz.append(kept.xyz)
         rgb.append(colour(kept))
@@ -102,7 +111,13 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
         *legend_entries(settings.colour_by, run.classes, present),
         LegendEntry("robot path", _PATH_COLOUR, is_line=True),
     ]
-    return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], float(str(run.settings["voxel_size"])), entries)
+    return _Scene(
+        points,
+        np.concatenate(rgb),
+        run.poses[:, :3, 3],
+        float(str(run.settings["voxel_size"])),
+        entries,
+    )
 
 
 def _floors(run: LabelledRun) -> NDArray[np.float64]:
@@ -116,7 +131,9 @@ def _floors(run: LabelledRun) -> NDArray[np.float64]:
     return filled
 
 
-def _draw(scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning: bool = False) -> Image.Image:
+def _draw(
+    scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning: bool = False
+) -> Image.Image:
     """Draw the scene from one direction; the longest side of the picture has that many pixels."""
     low, high = np.percentile(scene.xyz, (0.1, 99.9), axis=0)
     reach = float(np.linalg.norm(high - low))
@@ -161,4 +178,9 @@ def _draw_path(picture: Image.Image, places: NDArray[np.float64]) -> None:
     for colour, wide in ((_PATH_EDGE, 2 * width), (_PATH_COLOUR, width)):
         canvas.line(points, fill=colour, width=wide, joint="curve")
     x, y = points[-1]
-    canvas.ellipse((x - 2 * width, y - 2 * width, x + 2 * width, y + 2 * width), _PATH_COLOUR, _PATH_EDGE, width // 2)
+    canvas.ellipse(
+        (x - 2 * width, y - 2 * width, x + 2 * width, y + 2 * width),
+        _PATH_COLOUR,
+        _PATH_EDGE,
+        width // 2,
+    )

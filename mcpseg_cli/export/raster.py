@@ -33,7 +33,11 @@ class Camera:
 
     @classmethod
     def aslant(
-        cls, centre: NDArray[np.float64], yaw_deg: float, pitch_deg: float, distance: float | None = None
+        cls,
+        centre: NDArray[np.float64],
+        yaw_deg: float,
+        pitch_deg: float,
+        distance: float | None = None,
     ) -> Camera:
         """Look at ``centre`` from above.
 
@@ -45,7 +49,9 @@ class Camera:
         """
         yaw, pitch = np.deg2rad((yaw_deg, pitch_deg))
         right = np.array([np.cos(yaw), np.sin(yaw), 0.0])
-        ahead = np.array([-np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), -np.sin(pitch)])
+        ahead = np.array(
+            [-np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), -np.sin(pitch)]
+        )
         return cls(centre, right, np.cross(right, ahead), distance)
 
     def project(
@@ -67,7 +73,9 @@ class Camera:
         if self.distance is None:
             return plane, depth, np.ones(len(depth))
         depth = depth + self.distance
-        size = np.divide(self.distance, depth, where=depth > _NEAREST, out=np.full(len(depth), np.nan))
+        size = np.divide(
+            self.distance, depth, where=depth > _NEAREST, out=np.full(len(depth), np.nan)
+        )
         return plane * size[:, None], depth, size
 
 
@@ -90,12 +98,15 @@ def draw_points(
         bulge: How much nearer than its rim the middle of a disc is, in the unit of ``depth``.
 
     Returns:
-        (rows, columns, 3) uint8, white where no point is, and (rows, columns) float32 depth, infinite there.
+        (rows, columns, 3) uint8, white where no point is, and (rows, columns) float32 depth,
+        infinite there.
     """
     image = np.full((*shape, 3), 255, np.uint8)
     nearest = np.full(shape, np.inf, np.float32)
     seen = np.isfinite(place).all(axis=1)
-    _draw_discs(place[seen], depth[seen].astype(np.float32), radius[seen], rgb[seen], bulge, image, nearest)
+    _draw_discs(
+        place[seen], depth[seen].astype(np.float32), radius[seen], rgb[seen], bulge, image, nearest
+    )
     return image, nearest
 
 
@@ -126,7 +137,9 @@ def _draw_discs(
                     image[row, column] = rgb[i]
 
 
-def shade(image: NDArray[np.uint8], depth: NDArray[np.float32], reaches: Sequence[int]) -> NDArray[np.uint8]:
+def shade(
+    image: NDArray[np.uint8], depth: NDArray[np.float32], reaches: Sequence[int]
+) -> NDArray[np.uint8]:
     """Darken what lies behind its surroundings in the picture, so that shapes stand out (after Boucheny 2009).
 
     Args:
@@ -138,14 +151,23 @@ def shade(image: NDArray[np.uint8], depth: NDArray[np.float32], reaches: Sequenc
         (rows, columns, 3) uint8, a new array.
     """
     light = np.ones(depth.shape, np.float32)
-    offsets = np.array([(s * y, s * x) for s in reaches for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)])
+    offsets = np.array(
+        [
+            (s * y, s * x)
+            for s in reaches
+            for y, x in product((-1, 0, 1), repeat=2)
+            if (y, x) != (0, 0)
+        ]
+    )
     _shade(depth, offsets, light)
     shaded: NDArray[np.float32] = image * light[:, :, None]
     return shaded.astype(np.uint8)
 
 
 @njit(cache=True)
-def _shade(depth: NDArray[np.float32], offsets: NDArray[np.int64], light: NDArray[np.float32]) -> None:
+def _shade(
+    depth: NDArray[np.float32], offsets: NDArray[np.int64], light: NDArray[np.float32]
+) -> None:
     """Give the share of light of every pixel, from how far it lies behind the neighbours at these offsets."""
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import write_cloud
-from mcpseg_cli.formats.cloud import Labels
 from mcpseg_cli.formats.recording import ScanFile, read_scan
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.segment.checkpoint import ScanRecord
+from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.labelled_run import LabelledRun
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 _UNKNOWN = Labels(np.array([255], np.uint8), np.zeros(1, np.int32), np.zeros(1, np.float32))
 
@@ -38,10 +38,18 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
         if record.error is None:
             path = scans / record.name
             if not path.is_file():
-                raise InputError(path, "no such scan", f"the scans of {run.folder}", "name the folder of its input")
+                raise InputError(
+                    path,
+                    "no such scan",
+                    f"the scans of {run.folder}",
+                    "name the folder of its input",
+                )
             if not _is_same(path, record):
                 raise InputError(
-                    path, "changed since it was labelled", f"the scan as {run.folder} was made from it", "restore it"
+                    path,
+                    "changed since it was labelled",
+                    f"the scan as {run.folder} was made from it",
+                    "restore it",
                 )
             files.append(ScanFile(path, record.pose))
     return files
@@ -50,8 +58,8 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
 def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]:
     """Write every input scan with the final map's labels, under its name and in its format.
 
-    Every point in a voxel of the map has that voxel's labels, also where the point was out of range in its own scan;
-    points outside the map carry semantic 255, instance 0 and confidence 0.
+    Every point in a voxel of the map has that voxel's labels, also where the point was out of range
+    in its own scan; points outside the map carry semantic 255, instance 0 and confidence 0.
 
     Args:
         run: The map; all of it is held, some 70 bytes a voxel.
@@ -67,7 +75,9 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
         OSError: The disk is full or the folder not writable.
     """
     if folder.resolve() == scans.resolve():
-        raise OutputError(f"{folder}: holds the input scans; expected another folder; choose another -o")
+        raise OutputError(
+            f"{folder}: holds the input scans; expected another folder; choose another -o"
+        )
     sources = check_scans(run, scans)
     voxel_size, frame = float(str(run.settings["voxel_size"])), run.settings["frame"]
     voxels, labels = VoxelMap(voxel_size), []
@@ -94,7 +104,9 @@ def _joined(labels: list[Labels], classes: tuple[str, ...]) -> Labels:
 
 
 def _taken(labels: Labels, ids: NDArray[np.int32]) -> Labels:
-    return Labels(labels.semantic[ids], labels.instance[ids], labels.confidence[ids], labels.classes)
+    return Labels(
+        labels.semantic[ids], labels.instance[ids], labels.confidence[ids], labels.classes
+    )
 
 
 def _is_same(path: Path, record: ScanRecord) -> bool:

@@ -44,7 +44,9 @@ class LabelledPoints:
     def select(self, rows: slice | NDArray[np.intp]) -> LabelledPoints:
         """Return some of the points."""
         rgb = None if self.rgb is None else self.rgb[rows]
-        return LabelledPoints(self.xyz[rows], self.semantic[rows], self.instance[rows], self.confidence[rows], rgb)
+        return LabelledPoints(
+            self.xyz[rows], self.semantic[rows], self.instance[rows], self.confidence[rows], rgb
+        )
 
 
 class RerunLog:
@@ -56,7 +58,9 @@ class RerunLog:
         voxel_size: Metres.
     """
 
-    def __init__(self, stream: RecordingStream, classes: tuple[str, ...], voxel_size: float) -> None:
+    def __init__(
+        self, stream: RecordingStream, classes: tuple[str, ...], voxel_size: float
+    ) -> None:
         import rerun
 
         self._rerun = rerun
@@ -64,7 +68,9 @@ class RerunLog:
         self._radius = _POINT_RADIUS * voxel_size
         self._last_place: NDArray[np.float64] | None = None
         palette = class_palette(classes)
-        names = [(index, name, tuple(palette[index].tolist())) for index, name in enumerate(classes)]
+        names = [
+            (index, name, tuple(palette[index].tolist())) for index, name in enumerate(classes)
+        ]
         stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         stream.log("map", rerun.AnnotationContext(names), static=True)
         stream.log("scanner", rerun.TransformAxes3D(0.5), static=True)
@@ -81,11 +87,15 @@ class RerunLog:
         self._stream.set_time(TIMELINE, sequence=number)
         self._stream.log("scanner", rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         if self._last_place is not None:
-            step = rerun.LineStrips3D([np.stack([self._last_place, pose[:3, 3]])], colors=[0xFF7A1AFF])
+            step = rerun.LineStrips3D(
+                [np.stack([self._last_place, pose[:3, 3]])], colors=[0xFF7A1AFF]
+            )
             self._stream.log(f"path/{number:06d}", step)
         self._last_place = pose[:3, 3].copy()
         if len(points.xyz):
-            cloud = rerun.Points3D(points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb)
+            cloud = rerun.Points3D(
+                points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
+            )
             self._stream.log(_entity(number), cloud, self._labels(points))
 
     def relabel(self, number: int, points: LabelledPoints) -> None:
@@ -118,7 +128,9 @@ def open_stream() -> RecordingStream:
     return rerun.RecordingStream(_APPLICATION)
 
 
-def write_recording(run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "class") -> int:
+def write_recording(
+    run: LabelledRun, path: Path, selection: Selection, colour_by: ColourBy = "class"
+) -> int:
     """Write the chosen voxels as a recording for the Rerun viewer, with the labels they have now.
 
     Args:
@@ -144,7 +156,9 @@ def write_recording(run: LabelledRun, path: Path, selection: Selection, colour_b
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
         for number, record in enumerate(run.scans):
-            log.add_scan(number, record.pose, points.select(slice(bounds[number], bounds[number + 1])))
+            log.add_scan(
+                number, record.pose, points.select(slice(bounds[number], bounds[number + 1]))
+            )
         stream.flush()
         stream.disconnect()
         partial.replace(path)
@@ -153,14 +167,25 @@ def write_recording(run: LabelledRun, path: Path, selection: Selection, colour_b
     return len(scan)
 
 
-def _gather(run: LabelledRun, selection: Selection, colour_by: ColourBy) -> tuple[LabelledPoints, NDArray[np.int32]]:
+def _gather(
+    run: LabelledRun, selection: Selection, colour_by: ColourBy
+) -> tuple[LabelledPoints, NDArray[np.int32]]:
     """Take the chosen voxels and the scans that first saw them."""
     colour = None if colour_by == "class" else colouring(run, colour_by)
     rows = [
-        (part.xyz, part.semantic, part.instance, part.confidence, part.scan, colour(part) if colour else part.rgb)
+        (
+            part.xyz,
+            part.semantic,
+            part.instance,
+            part.confidence,
+            part.scan,
+            colour(part) if colour else part.rgb,
+        )
         for part in selection.parts(run)
     ]
-    xyz, semantic, instance, confidence, scan, rgb = (np.concatenate(column) for column in zip(*rows, strict=True))
+    xyz, semantic, instance, confidence, scan, rgb = (
+        np.concatenate(column) for column in zip(*rows, strict=True)
+    )
     return LabelledPoints(xyz, semantic, instance, confidence, rgb if colour else None), scan
 
 

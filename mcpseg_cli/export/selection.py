@@ -21,7 +21,8 @@ class Selection:
         classes: Class names.
         instances: Object ids.
         min_confidence: Least confidence, 0-1.
-        box: Lowest and highest corner (x, y, z, x, y, z), metres, map frame; its faces belong to it.
+        box: Lowest and highest corner (x, y, z, x, y, z), metres, map frame; its faces belong to
+            it.
     """
 
     classes: tuple[str, ...] | None = None
@@ -57,7 +58,9 @@ class Selection:
         """
         chosen = np.ones(len(part), bool)
         if self.classes is not None:
-            chosen &= np.isin(part.semantic, [index for index, name in enumerate(classes) if name in self.classes])
+            chosen &= np.isin(
+                part.semantic, [index for index, name in enumerate(classes) if name in self.classes]
+            )
         if self.instances is not None:
             chosen &= np.isin(part.instance, self.instances)
         if self.min_confidence is not None:

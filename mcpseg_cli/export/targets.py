@@ -13,7 +13,9 @@ MODEL = ".onnx"
 SUFFIXES = (*CLOUDS, *OBJECTS, *PICTURES, *PAGES, MODEL)
 
 
-def check_targets(run: Path, outputs: Sequence[Path], *, fills_folder: bool, overwrite: bool) -> None:
+def check_targets(
+    run: Path, outputs: Sequence[Path], *, fills_folder: bool, overwrite: bool
+) -> None:
     """Refuse what cannot be written, before any work is done.
 
     Args:
@@ -27,12 +29,18 @@ def check_targets(run: Path, outputs: Sequence[Path], *, fills_folder: bool, ove
     """
     resolved = [path.resolve() for path in outputs]
     if len(set(resolved)) != len(resolved):
-        twice = next(path for path, place in zip(outputs, resolved, strict=True) if resolved.count(place) > 1)
+        twice = next(
+            path for path, place in zip(outputs, resolved, strict=True) if resolved.count(place) > 1
+        )
         raise OutputError(f"{twice}: named twice; expected different files; leave one out")
     folders = [path for path in outputs if not path.suffix]
     if len(folders) != int(fills_folder):
         named = ", ".join(map(str, folders)) or "no folder"
-        expected = "one folder -o to fill" if fills_folder else "an ending, or --scans or --split to fill a folder"
+        expected = (
+            "one folder -o to fill"
+            if fills_folder
+            else "an ending, or --scans or --split to fill a folder"
+        )
         raise OutputError(f"{named}: named by -o; expected {expected}; see 'mcpseg export --help'")
     if any(path.suffix.lower() == MODEL for path in outputs) and len(outputs) > 1:
         raise OutputError(
@@ -40,20 +48,28 @@ def check_targets(run: Path, outputs: Sequence[Path], *, fills_folder: bool, ove
         )
     for path in outputs:
         if path.suffix and path.suffix.lower() not in SUFFIXES:
-            raise OutputError(f"{path}: ends in {path.suffix!r}; expected {', '.join(SUFFIXES)}; rename it")
+            raise OutputError(
+                f"{path}: ends in {path.suffix!r}; expected {', '.join(SUFFIXES)}; rename it"
+            )
         _check_target(run, path, overwrite=overwrite)
 
 
 def _check_target(run: Path, path: Path, *, overwrite: bool) -> None:
     """Refuse a file or folder that lies in the run, is there already, or has no folder to lie in."""
     if run.resolve() in (path.resolve(), *path.resolve().parents):
-        raise OutputError(f"{path}: lies in the run {run}; expected a place outside it; choose another -o")
+        raise OutputError(
+            f"{path}: lies in the run {run}; expected a place outside it; choose another -o"
+        )
     if not path.parent.is_dir():
-        raise OutputError(f"{path}: {path.parent} is no folder; expected an existing one; make it or choose another -o")
+        raise OutputError(
+            f"{path}: {path.parent} is no folder; expected an existing one; make it or choose another -o"
+        )
     is_folder = not path.suffix
     if path.exists() and path.is_dir() != is_folder:
         found, wanted = ("a file", "folder") if is_folder else ("a folder", "file")
         raise OutputError(f"{path}: {found}; expected a {wanted}; choose another -o")
     if path.exists() and not overwrite and (not is_folder or any(path.iterdir())):
         found, wanted = ("not empty", "an empty folder") if is_folder else ("exists", "a new file")
-        raise OutputError(f"{path}: {found}; expected {wanted}; choose another -o or give --overwrite")
+        raise OutputError(
+            f"{path}: {found}; expected {wanted}; choose another -o or give --overwrite"
+        )

@@ -21,7 +21,8 @@ class PictureSettings:
     Attributes:
         view: From above, cut away (parallel rays, aslant; figure 7) or in perspective.
         colour_by: What colours say.
-        cut: Voxels higher than this above the floor, as the scan that first saw them knew it, are left out, metres.
+        cut: Voxels higher than this above the floor, as the scan that first saw them knew it, are
+            left out, metres.
         yaw_deg: Turn of the view about z; None: the view's own.
     """
 

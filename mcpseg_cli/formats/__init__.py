@@ -7,9 +7,10 @@ import threading
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError, naming
-from mcpseg_cli.formats.cloud import Cloud, Labels, checked
+from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.parts import CloudParts, OnePart
 from mcpseg_cli.formats.steady import whole_file
+from mcpseg_cli.scan import Labels
 
 CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
 PARTIAL = ".part"
@@ -39,7 +40,12 @@ def read_cloud(path: Path) -> Cloud:
     elif suffix == ".pcd":
         from mcpseg_cli.formats.pcd import read_pcd as read
     else:
-        raise InputError(path, f"a file ending in {suffix or 'nothing'!r}", ", ".join(CLOUD_SUFFIXES), "convert it")
+        raise InputError(
+            path,
+            f"a file ending in {suffix or 'nothing'!r}",
+            ", ".join(CLOUD_SUFFIXES),
+            "convert it",
+        )
     return checked(path, read(path))
 
 
@@ -119,7 +125,9 @@ def _write_e57(path: Path, parts: CloudParts) -> None:
     try:
         from mcpseg_cli.formats.e57 import write_e57
     except ModuleNotFoundError as error:
-        raise OutputError("needs pye57; expected it installed; pip install 'mcpseg[e57]'") from error
+        raise OutputError(
+            "needs pye57; expected it installed; pip install 'mcpseg[e57]'"
+        ) from error
     write_e57(path, parts)
 
 

@@ -30,9 +30,10 @@ def read_building(
     """Read a labelled building.
 
     Args:
-        path: A folder in the S3DIS layout (``s3dis.read_area``), a .h5 or .hdf5 file (``hdf5.read_building_h5``), or
-            one .ply, .las, .laz, .npz or .pcd cloud with ``semantic`` (class index, 255 or -1 unknown) and
-            ``instance`` (object id, 0 or less none) for every point. A cloud that names no classes has the 13 of S3DIS.
+        path: A folder in the S3DIS layout (``s3dis.read_area``), a .h5 or .hdf5 file
+            (``hdf5.read_building_h5``), or one .ply, .las, .laz, .npz or .pcd cloud with
+            ``semantic`` (class index, 255 or -1 unknown) and ``instance`` (object id, 0 or less
+            none) for every point. A cloud that names no classes has the 13 of S3DIS.
         cache: Folder of the S3DIS cache; the area's own by default.
         progress: Told how far reading S3DIS text has come.
         threads: S3DIS files read at once.
@@ -57,7 +58,12 @@ def read_building(
         building, notices = _from_cloud(path, read_cloud(path))
     else:
         endings = ", ".join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))
-        raise InputError(path, f"a file ending in {path.suffix or 'nothing'!r}", f"a folder, {endings}", "convert it")
+        raise InputError(
+            path,
+            f"a file ending in {path.suffix or 'nothing'!r}",
+            f"a folder, {endings}",
+            "convert it",
+        )
     _check_extent(path, building.xyz)
     return building, notices
 
@@ -77,13 +83,20 @@ def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
     if wrong.any():
         point = int(wrong.argmax())
         expected = f"0 to {len(classes) - 1}, or {UNKNOWN} for unknown"
-        raise InputError(path, f"class {semantic[point]} (point {point:,})", expected, "give it its class table")
+        raise InputError(
+            path, f"class {semantic[point]} (point {point:,})", expected, "give it its class table"
+        )
     instance = _integers(path, cloud, "instance")
     if instance is None:
         notices.append("no attribute instance; every point has object 0 (none)")
         instance = np.zeros(len(cloud), np.int64)
     elif instance.max() > np.iinfo(np.int32).max:
-        raise InputError(path, f"object {instance.max()}", f"at most {np.iinfo(np.int32).max}", "number objects from 1")
+        raise InputError(
+            path,
+            f"object {instance.max()}",
+            f"at most {np.iinfo(np.int32).max}",
+            "number objects from 1",
+        )
     rgb = cloud.rgb
     if rgb is None:
         notices.append("no colour; every point is grey")
@@ -91,7 +104,9 @@ def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
     xyz = cloud.xyz
     _check_extent(path, xyz)
     labels = np.maximum(instance, 0).astype(np.int32)
-    return Building(xyz.astype(np.float32), rgb, semantic.astype(np.uint8), labels, classes), tuple(notices)
+    return Building(xyz.astype(np.float32), rgb, semantic.astype(np.uint8), labels, classes), tuple(
+        notices
+    )
 
 
 def _integers(path: Path, cloud: Cloud, name: str) -> NDArray[np.int64] | None:
@@ -100,15 +115,25 @@ def _integers(path: Path, cloud: Cloud, name: str) -> NDArray[np.int64] | None:
     if column is None:
         return None
     if column.ndim != 1 or column.dtype.kind not in "biuf":
-        raise InputError(path, f"{name} {column.dtype} {column.shape}", "an integer for every point", "label it again")
+        raise InputError(
+            path,
+            f"{name} {column.dtype} {column.shape}",
+            "an integer for every point",
+            "label it again",
+        )
     with np.errstate(invalid="ignore"):
-        whole = np.ones(len(column), bool) if column.dtype.kind in "bi" else np.abs(column) < 2.0**62
+        whole = (
+            np.ones(len(column), bool) if column.dtype.kind in "bi" else np.abs(column) < 2.0**62
+        )
         integers = np.where(whole, column, 0).astype(np.int64)
         whole &= integers == column
     if not whole.all():
         point = int((~whole).argmax())
         raise InputError(
-            path, f"{name} {column[point]} (point {point:,})", "an integer for every point", "label it again"
+            path,
+            f"{name} {column[point]} (point {point:,})",
+            "an integer for every point",
+            "label it again",
         )
     return integers
 

@@ -14,25 +14,13 @@ from mcpseg_cli.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from laspy import LasHeader
+from mcpseg_cli.scan import Labels
 
-COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
-
-
-@dataclass(frozen=True)
-class Labels:
-    """Labels of the points of one cloud.
-
-    Attributes:
-        semantic: (N,) uint8 class index, 255 unknown.
-        instance: (N,) int32 object id, 0 none.
-        confidence: (N,) float32 in 0-1.
-        classes: Class names that ``semantic`` indexes.
-    """
-
-    semantic: NDArray[np.uint8]
-    instance: NDArray[np.int32]
-    confidence: NDArray[np.float32]
-    classes: tuple[str, ...] = ()
+COLOUR_NAMES = (
+    ("red", "green", "blue"),
+    ("r", "g", "b"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +28,8 @@ class Cloud:
     """All that a cloud file says about its points.
 
     Attributes:
-        columns: (N, ...) array by attribute name, file order and file type; always has ``x``, ``y`` and ``z``.
+        columns: (N, ...) array by attribute name, file order and file type; always has ``x``, ``y``
+            and ``z``.
         classes: Class names its labels index; empty when the file does not say.
         las_header: Where it came from LAS/LAZ: scales, offsets, reference system; kept for writing.
     """
@@ -80,7 +69,11 @@ class Cloud:
     def with_labels(self, labels: Labels) -> Cloud:
         """Return this cloud with label attributes appended (replaced where it had them); other columns are shared."""
         columns = {name: column for name, column in self.columns.items() if name not in LABEL_NAMES}
-        columns |= {"semantic": labels.semantic, "instance": labels.instance, "confidence": labels.confidence}
+        columns |= {
+            "semantic": labels.semantic,
+            "instance": labels.instance,
+            "confidence": labels.confidence,
+        }
         return replace(self, columns=columns, classes=labels.classes)
 
 
@@ -94,7 +87,9 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
         InputError: No points, or NaN or infinite coordinates.
     """
     if len(cloud) == 0:
-        raise InputError(path, "zero points", "at least one point", "remove the file or record the scan again")
+        raise InputError(
+            path, "zero points", "at least one point", "remove the file or record the scan again"
+        )
     finite = np.ones(len(cloud), bool)
     with np.errstate(invalid="ignore"):  # a signalling NaN is as bad as a quiet one
         for axis in "xyz":
@@ -117,7 +112,9 @@ def as_number(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
         OutputError: It does not hold numbers.
     """
     if column.dtype.kind not in "biuf" or column.dtype.itemsize > 8:
-        raise OutputError(f"attribute {name}: holds {column.dtype}; expected numbers; remove it or write NPZ")
+        raise OutputError(
+            f"attribute {name}: holds {column.dtype}; expected numbers; remove it or write NPZ"
+        )
     small = {"b1": np.uint8, "f2": np.float32}.get(column.dtype.str[1:])
     return column if small is None else column.astype(small)
 

@@ -31,7 +31,9 @@ def write_cloud_h5(file: SteadyFile, parts: CloudParts) -> None:
                 for name, column in joined_columns(cloud).items():
                     shape = (len(parts), *column.shape[1:])
                     chunks = (min(_CHUNK_ROWS, len(parts)), *column.shape[1:])
-                    target.create_dataset(name, shape, column.dtype, chunks=chunks, compression="lzf", shuffle=True)
+                    target.create_dataset(
+                        name, shape, column.dtype, chunks=chunks, compression="lzf", shuffle=True
+                    )
             for name, column in joined_columns(cloud).items():
                 target[name][start : start + len(cloud)] = column
             start += len(cloud)

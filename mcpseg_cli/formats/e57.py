@@ -15,10 +15,16 @@ from mcpseg_cli.formats.parts import CloudParts
 
 _EXTENSION = ("mcpseg", "urn:mcpseg:labels:1")
 _FIELDS = {  # by attribute
-    "x": "cartesianX", "y": "cartesianY", "z": "cartesianZ", "red": "colorRed", "green": "colorGreen",
-    "blue": "colorBlue", "semantic": "mcpseg:semantic", "instance": "mcpseg:instance",
+    "x": "cartesianX",
+    "y": "cartesianY",
+    "z": "cartesianZ",
+    "red": "colorRed",
+    "green": "colorGreen",
+    "blue": "colorBlue",
+    "semantic": "mcpseg:semantic",
+    "instance": "mcpseg:instance",
     "confidence": "mcpseg:confidence",
-}  # fmt: skip
+}
 _BUFFER = 1 << 16
 
 
@@ -36,26 +42,40 @@ def write_e57(path: Path, parts: CloudParts) -> None:
     """
     first = next(iter(parts))
     if foreign := [name for name in first.columns if name not in _FIELDS]:
-        raise OutputError(f"E57 has no place for {', '.join(foreign)}; expected coordinates, colour and labels")
+        raise OutputError(
+            f"E57 has no place for {', '.join(foreign)}; expected coordinates, colour and labels"
+        )
     try:
         with E57(str(path), mode="w") as target:
             target.image_file.extensionsAdd(*_EXTENSION)
-            _write_points(target, _add_scan(target, first, _bounds(parts)), parts, list(first.columns))
+            _write_points(
+                target, _add_scan(target, first, _bounds(parts)), parts, list(first.columns)
+            )
     except libe57.E57Exception as error:
-        raise OutputError(f"libE57: {error}; expected room on the disk; make space and try again") from error
+        raise OutputError(
+            f"libE57: {error}; expected room on the disk; make space and try again"
+        ) from error
 
 
 def _bounds(parts: CloudParts) -> NDArray[np.float64]:
     """Return (2, 3) lowest and highest coordinates, metres."""
-    corners = [corner for cloud in parts for corner in (cloud.xyz.min(axis=0), cloud.xyz.max(axis=0))]
+    corners = [
+        corner for cloud in parts for corner in (cloud.xyz.min(axis=0), cloud.xyz.max(axis=0))
+    ]
     return np.array([np.min(corners, axis=0), np.max(corners, axis=0)], np.float64)
 
 
-def _add_scan(target: E57, first: Cloud, bounds: NDArray[np.float64]) -> libe57.CompressedVectorNode:
+def _add_scan(
+    target: E57, first: Cloud, bounds: NDArray[np.float64]
+) -> libe57.CompressedVectorNode:
     """Describe the one scan of the file; return where its points go."""
     file = target.image_file
     scan = libe57.StructureNode(file)
-    texts = {"guid": f"{{{uuid.uuid4()}}}", "name": "mcpseg map", "description": f"classes: {','.join(first.classes)}"}
+    texts = {
+        "guid": f"{{{uuid.uuid4()}}}",
+        "name": "mcpseg map",
+        "description": f"classes: {','.join(first.classes)}",
+    }
     for name, text in texts.items():
         scan.set(name, libe57.StringNode(file, text))
     box = libe57.StructureNode(file)
@@ -76,19 +96,25 @@ def _add_scan(target: E57, first: Cloud, bounds: NDArray[np.float64]) -> libe57.
             prototype.set(_FIELDS[name], libe57.FloatNode(file, 0.0, precision))
         else:
             limits = np.iinfo(np.dtype(column.dtype.str))
-            prototype.set(_FIELDS[name], libe57.IntegerNode(file, 0, int(limits.min), int(limits.max)))
+            prototype.set(
+                _FIELDS[name], libe57.IntegerNode(file, 0, int(limits.min), int(limits.max))
+            )
     points = libe57.CompressedVectorNode(file, prototype, libe57.VectorNode(file, True))
     scan.set("points", points)
     return points
 
 
-def _write_points(target: E57, points: libe57.CompressedVectorNode, parts: CloudParts, names: list[str]) -> None:
+def _write_points(
+    target: E57, points: libe57.CompressedVectorNode, parts: CloudParts, names: list[str]
+) -> None:
     """Send the points through one buffer for each attribute."""
     first = next(iter(parts))
     arrays = {name: np.empty(_BUFFER, _buffered(first.columns[name].dtype)) for name in names}
     buffers = libe57.VectorSourceDestBuffer()
     for name, array in arrays.items():
-        buffers.append(libe57.SourceDestBuffer(target.image_file, _FIELDS[name], array, _BUFFER, True, True))
+        buffers.append(
+            libe57.SourceDestBuffer(target.image_file, _FIELDS[name], array, _BUFFER, True, True)
+        )
     writer = points.writer(buffers)
     for cloud in parts:
         for start in range(0, len(cloud), _BUFFER):

@@ -45,9 +45,10 @@ def write_building_h5(path: Path, building: Building, tags: dict[str, str] | Non
 def read_building_h5(path: Path) -> Building:
     """Read a building that ``write_building_h5`` wrote, or a file of the MCPNet authors.
 
-    Theirs holds ``points`` (N, 8): x y z r g b object class, classes in ``MCPNET_CLASSES``. Colours below 0 are taken
-    for -0.5 to 0.5, colours that are all at most 1 for 0 to 1, others for 0 to 255. Where ``count_room`` gives the
-    points of each room, object ids restart in every room and are numbered anew from 1; the rooms have no names.
+    Theirs holds ``points`` (N, 8): x y z r g b object class, classes in ``MCPNET_CLASSES``. Colours
+    below 0 are taken for -0.5 to 0.5, colours that are all at most 1 for 0 to 1, others for 0 to
+    255. Where ``count_room`` gives the points of each room, object ids restart in every room and
+    are numbered anew from 1; the rooms have no names.
 
     Args:
         path: The file.
@@ -87,7 +88,9 @@ def read_tags(path: Path) -> dict[str, str]:
     return tags
 
 
-def _write_datasets(path: Path, stream: SteadyFile, building: Building, tags: dict[str, str]) -> None:
+def _write_datasets(
+    path: Path, stream: SteadyFile, building: Building, tags: dict[str, str]
+) -> None:
     """Write every array under its name."""
     arrays: dict[str, NDArray[np.generic]] = {name: getattr(building, name) for name in _COLUMNS}
     if building.room_starts is not None:
@@ -95,7 +98,9 @@ def _write_datasets(path: Path, stream: SteadyFile, building: Building, tags: di
     for name in _NAMES:
         texts = [text.encode(errors="replace") for text in getattr(building, name)]
         if any(not text or not text.isprintable() for text in getattr(building, name)):
-            raise OutputError(f"{path}: {name} holds a name that is empty or not printable; expected text; rename it")
+            raise OutputError(
+                f"{path}: {name} holds a name that is empty or not printable; expected text; rename it"
+            )
         arrays[name] = np.array(texts, f"S{max(map(len, texts), default=1)}")
     arrays["tags"] = np.frombuffer(json.dumps(tags).encode(), np.uint8)
     with h5py.File(stream, "w") as file:
@@ -115,13 +120,22 @@ def _own_building(path: Path, file: h5py.File) -> Building:
             f"a file of the format {_FORMAT!r}, or points (N, 8)",
             _REMEDY,
         )
-    columns = {name: _array(path, file, name, dtype, (None, *shape)) for name, (dtype, shape) in _COLUMNS.items()}
+    columns = {
+        name: _array(path, file, name, dtype, (None, *shape))
+        for name, (dtype, shape) in _COLUMNS.items()
+    }
     names = {name: _texts(path, file, name) for name in _NAMES}
-    starts = _array(path, file, "room_starts", "<i8", (len(names["rooms"]) + 1,)) if "room_starts" in file else None
+    starts = (
+        _array(path, file, "room_starts", "<i8", (len(names["rooms"]) + 1,))
+        if "room_starts" in file
+        else None
+    )
     building = Building(**columns, **names, room_starts=starts)  # type: ignore[arg-type]
     _check(path, building)
     if int(file.attrs["crc32"]) != _checksum(building):
-        raise InputError(path, "content that differs from its checksum", "what was written", _REMEDY)
+        raise InputError(
+            path, "content that differs from its checksum", "what was written", _REMEDY
+        )
     return building
 
 
@@ -134,18 +148,31 @@ def _check(path: Path, building: Building) -> None:
         raise InputError(path, "NaN or infinite coordinates", "finite coordinates", _REMEDY)
     labels = building.semantic[building.semantic != UNKNOWN]
     if labels.max(initial=0) >= max(len(building.classes), 1):
-        raise InputError(path, f"class {labels.max()}", f"below {len(building.classes)}, or {UNKNOWN}", _REMEDY)
+        raise InputError(
+            path, f"class {labels.max()}", f"below {len(building.classes)}, or {UNKNOWN}", _REMEDY
+        )
     last = len(building.object_names) or np.iinfo(np.int32).max
     if instance.min() < 0 or instance.max() > last:
-        raise InputError(path, f"objects {instance.min()} to {instance.max()}", f"0 to {last}", _REMEDY)
-    if starts is not None and (starts[0] != 0 or starts[-1] != count or (np.diff(starts) < 0).any()):
-        raise InputError(path, "room_starts that are no division of the points", f"0 to {count:,}, rising", _REMEDY)
+        raise InputError(
+            path, f"objects {instance.min()} to {instance.max()}", f"0 to {last}", _REMEDY
+        )
+    if starts is not None and (
+        starts[0] != 0 or starts[-1] != count or (np.diff(starts) < 0).any()
+    ):
+        raise InputError(
+            path,
+            "room_starts that are no division of the points",
+            f"0 to {count:,}, rising",
+            _REMEDY,
+        )
 
 
 def _checksum(building: Building) -> int:
     """Return the CRC-32 of all points, names and rooms."""
     starts = building.room_starts if building.room_starts is not None else np.empty(0)
-    checksum = zlib.crc32(repr((starts.tolist(), *(getattr(building, name) for name in _NAMES))).encode())
+    checksum = zlib.crc32(
+        repr((starts.tolist(), *(getattr(building, name) for name in _NAMES))).encode()
+    )
     for name in _COLUMNS:
         checksum = zlib.crc32(np.ascontiguousarray(getattr(building, name)).data, checksum)
     return checksum
@@ -156,7 +183,10 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
     table = _dataset(path, file, "points")
     if table.ndim != 2 or table.shape[1] != 8 or table.dtype.kind not in "fiu" or len(table) == 0:
         raise InputError(
-            path, f"points {table.dtype} {table.shape}", "points (N, 8): x y z r g b object class", "convert it"
+            path,
+            f"points {table.dtype} {table.shape}",
+            "points (N, 8): x y z r g b object class",
+            "convert it",
         )
     count, scale = len(table), _colour_scale(table)
     xyz, rgb = np.empty((count, 3), np.float32), np.empty((count, 3), np.uint8)
@@ -165,7 +195,11 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
         rows = table[start : start + _ROWS].astype(np.float64)
         part = slice(start, start + len(rows))
         labels, classes = rows[:, 6:], len(MCPNET_CLASSES)
-        if not np.isfinite(rows).all() or (labels[:, 1] < 0).any() or (labels >= [2**31, classes]).any():
+        if (
+            not np.isfinite(rows).all()
+            or (labels[:, 1] < 0).any()
+            or (labels >= [2**31, classes]).any()
+        ):
             raise InputError(
                 path,
                 "points with NaN, or classes out of range",
@@ -180,7 +214,9 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
     if starts is not None:
         room = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         instance = _numbered(instance, room)
-    rooms = tuple(f"room_{number}" for number in range(1, len(starts))) if starts is not None else ()
+    rooms = (
+        tuple(f"room_{number}" for number in range(1, len(starts))) if starts is not None else ()
+    )
     return Building(xyz, rgb, semantic, instance, MCPNET_CLASSES, rooms, starts)
 
 
@@ -200,8 +236,15 @@ def _room_starts(path: Path, file: h5py.File, count: int) -> NDArray[np.int64] |
     if "count_room" not in file:
         return None
     counts = _dataset(path, file, "count_room")[...]
-    if counts.ndim != 1 or counts.dtype.kind not in "iu" or (counts < 0).any() or int(counts.sum()) != count:
-        raise InputError(path, "count_room that does not add up", f"room sizes that sum to {count:,}", _REMEDY)
+    if (
+        counts.ndim != 1
+        or counts.dtype.kind not in "iu"
+        or (counts < 0).any()
+        or int(counts.sum()) != count
+    ):
+        raise InputError(
+            path, "count_room that does not add up", f"room sizes that sum to {count:,}", _REMEDY
+        )
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
@@ -218,13 +261,20 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
     """Return a dataset whose numbers lie in this file."""
     dataset = file.get(name) if file.get(name, getlink=True).__class__ is h5py.HardLink else None
     if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
-        raise InputError(path, f"no dataset {name!r} (datasets {', '.join(file) or '(none)'})", f"{name!r}", _REMEDY)
+        raise InputError(
+            path,
+            f"no dataset {name!r} (datasets {', '.join(file) or '(none)'})",
+            f"{name!r}",
+            _REMEDY,
+        )
     if dataset.size and not dataset.id.get_storage_size():
         raise InputError(path, f"{name!r} without data", f"{dataset.shape} values", _REMEDY)
     return dataset
 
 
-def _array(path: Path, file: h5py.File, name: str, dtype: str, shape: tuple[int | None, ...]) -> NDArray[np.generic]:
+def _array(
+    path: Path, file: h5py.File, name: str, dtype: str, shape: tuple[int | None, ...]
+) -> NDArray[np.generic]:
     """Read a dataset of this type and shape; None stands for any length."""
     dataset = _dataset(path, file, name)
     fits = len(dataset.shape) == len(shape) and all(
@@ -232,7 +282,9 @@ def _array(path: Path, file: h5py.File, name: str, dtype: str, shape: tuple[int 
     )
     if dataset.dtype.str != dtype or not fits:
         want = "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
-        raise InputError(path, f"{name} {dataset.dtype} {dataset.shape}", f"{np.dtype(dtype)} {want}", _REMEDY)
+        raise InputError(
+            path, f"{name} {dataset.dtype} {dataset.shape}", f"{np.dtype(dtype)} {want}", _REMEDY
+        )
     return np.asarray(dataset[...])
 
 
@@ -240,11 +292,15 @@ def _texts(path: Path, file: h5py.File, name: str) -> tuple[str, ...]:
     """Read a table of names, stored as fixed-length UTF-8."""
     dataset = _dataset(path, file, name)
     if dataset.dtype.kind != "S" or dataset.ndim != 1:
-        raise InputError(path, f"{name} {dataset.dtype} {dataset.shape}", "names of fixed length (N,)", _REMEDY)
+        raise InputError(
+            path, f"{name} {dataset.dtype} {dataset.shape}", "names of fixed length (N,)", _REMEDY
+        )
     return tuple(text.decode() for text in dataset[...].tolist())
 
 
 def _damaged(path: Path, error: BaseException) -> InputError:
     """Explain what h5py says of a file it cannot read."""
     cause = " ".join(str(error).split()) or type(error).__name__
-    return InputError(path, f"not a readable HDF5 file ({cause[:160]})", "an undamaged HDF5 file", _REMEDY)
+    return InputError(
+        path, f"not a readable HDF5 file ({cause[:160]})", "an undamaged HDF5 file", _REMEDY
+    )

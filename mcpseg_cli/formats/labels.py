@@ -55,8 +55,14 @@ def confidence_column(cloud: Cloud, source: Path) -> NDArray[np.float64] | None:
     column = cloud.label("confidence")
     if column is None:
         return None
-    if column.ndim != 1 or column.dtype.kind not in "iufb" or not np.isfinite(column.astype(np.float64)).all():
-        raise InputError(source, "confidence that is no number", "a number for each point", "mend the labels")
+    if (
+        column.ndim != 1
+        or column.dtype.kind not in "iufb"
+        or not np.isfinite(column.astype(np.float64)).all()
+    ):
+        raise InputError(
+            source, "confidence that is no number", "a number for each point", "mend the labels"
+        )
     return column.astype(np.float64)
 
 
@@ -77,7 +83,12 @@ def check_classes(semantic: NDArray[np.uint8], classes: tuple[str, ...], source:
     if wrong.any():
         point = int(wrong.argmax())
         expected = f"0 to {len(classes) - 1}, or {UNKNOWN} for unknown"
-        raise InputError(source, f"class {semantic[point]} (point {point:,})", expected, "give it its class table")
+        raise InputError(
+            source,
+            f"class {semantic[point]} (point {point:,})",
+            expected,
+            "give it its class table",
+        )
 
 
 def _whole_numbers(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:

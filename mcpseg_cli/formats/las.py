@@ -19,12 +19,25 @@ _CLASS_BASE = 64  # classifications 64-255 are the user's (LAS 1.4, table 17)
 _COORDINATES = ("X", "Y", "Z")  # as LAS stores them: integers
 _COLOURS = ("red", "green", "blue")
 _NAME_BYTES = 32  # of an extra dimension
-_HEADER_1_0, _HEADER_1_4, _RECORD, _EXTENDED_RECORD = 227, 375, 54, 60  # bytes (LAS 1.4, tables 3 and 9)
+_HEADER_1_0, _HEADER_1_4, _RECORD, _EXTENDED_RECORD = (
+    227,
+    375,
+    54,
+    60,
+)  # bytes (LAS 1.4, tables 3 and 9)
 _COMPRESSED = 0x80  # bit of the point format
 _DAMAGE = (  # what laspy and lazrs raise for damaged files
-    laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError, ArithmeticError,
-    MemoryError, struct.error,
-)  # fmt: skip
+    laspy.LaspyException,
+    LazrsError,
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    EOFError,
+    ArithmeticError,
+    MemoryError,
+    struct.error,
+)
 _CLASSES_RECORD = ("mcpseg", 1)
 
 
@@ -51,7 +64,9 @@ def read_las(path: Path) -> Cloud:
     if len(table) != header.point_count:
         raise _cut_short(path, header.point_count, len(table))
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
-    with np.errstate(over="ignore", invalid="ignore"):  # damaged scales: the coordinates are refused for it
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # damaged scales: the coordinates are refused for it
         columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
         for name in header.point_format.dimension_names:
             if name not in _COORDINATES:
@@ -65,16 +80,28 @@ def _check_counts(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(_HEADER_1_4)
     if head[:4] != b"LASF" or len(head) < _HEADER_1_0:
-        raise InputError(path, f"starts with {head[:8]!r}", "a LAS or LAZ header", "check that this is a LAS file")
-    start, num_records, point_format, point_size, num_points = struct.unpack_from("<IIBHI", head, 96)
+        raise InputError(
+            path,
+            f"starts with {head[:8]!r}",
+            "a LAS or LAZ header",
+            "check that this is a LAS file",
+        )
+    start, num_records, point_format, point_size, num_points = struct.unpack_from(
+        "<IIBHI", head, 96
+    )
     if head[25] >= 4:  # version 1.4 counts in 64 bits
         if len(head) < _HEADER_1_4:
             raise _undecodable(path, "the header is cut short")
         first_extended, num_extended, num_points = struct.unpack_from("<QIQ", head, 235)
         if num_extended and first_extended + num_extended * _EXTENDED_RECORD > size:
-            raise _undecodable(path, f"{num_extended:,} extended records promised in {size:,} bytes")
+            raise _undecodable(
+                path, f"{num_extended:,} extended records promised in {size:,} bytes"
+            )
     if start > size or num_records * _RECORD > start or point_size == 0:
-        raise _undecodable(path, f"{num_records:,} records and points from byte {start:,} promised in {size:,} bytes")
+        raise _undecodable(
+            path,
+            f"{num_records:,} records and points from byte {start:,} promised in {size:,} bytes",
+        )
     found = (size - start) // point_size
     if point_format & _COMPRESSED:
         _check_chunk_table(path, start, point_size)
@@ -92,7 +119,9 @@ def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
             file.seek(size - 8)
             (table,) = struct.unpack("<q", file.read(8))
         if not start < table <= size - 8:
-            raise _undecodable(path, f"a chunk table at byte {table:,} of {size:,}, the file may be cut short")
+            raise _undecodable(
+                path, f"a chunk table at byte {table:,} of {size:,}, the file may be cut short"
+            )
         file.seek(table + 4)
         (num_chunks,) = struct.unpack("<I", file.read(4))
     if num_chunks * point_size > size:  # a chunk starts with a whole point
@@ -101,12 +130,17 @@ def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
 
 def _cut_short(path: Path, promised: int, found: int) -> InputError:
     return InputError(
-        path, f"{promised:,} points promised, {found:,} found", "all of them", "the file is cut short; copy it again"
+        path,
+        f"{promised:,} points promised, {found:,} found",
+        "all of them",
+        "the file is cut short; copy it again",
     )
 
 
 def _undecodable(path: Path, cause: str) -> InputError:
-    return InputError(path, f"a file that does not decode ({cause})", "an undamaged LAS or LAZ", "copy it again")
+    return InputError(
+        path, f"a file that does not decode ({cause})", "an undamaged LAS or LAZ", "copy it again"
+    )
 
 
 def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
@@ -137,10 +171,16 @@ def _header_for(cloud: Cloud) -> laspy.LasHeader:
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
         header.scales = np.full(3, 1e-4)
-        header.offsets = np.floor([cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"])
+        header.offsets = np.floor(
+            [cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"]
+        )
     if cloud.classes:
-        header.vlrs = [vlr for vlr in header.vlrs if (vlr.user_id, vlr.record_id) != _CLASSES_RECORD]
-        header.vlrs.append(laspy.VLR(*_CLASSES_RECORD, "class names", ",".join(cloud.classes).encode()))
+        header.vlrs = [
+            vlr for vlr in header.vlrs if (vlr.user_id, vlr.record_id) != _CLASSES_RECORD
+        ]
+        header.vlrs.append(
+            laspy.VLR(*_CLASSES_RECORD, "class names", ",".join(cloud.classes).encode())
+        )
     return header
 
 
@@ -150,16 +190,22 @@ def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.ge
     for name, column in cloud.columns.items():
         if name in header.point_format.extra_dimension_names and name in LABEL_NAMES:
             header.remove_extra_dim(name)  # its type may not hold our labels
-        fits = name in "xyz" or (cloud.las_header is None and name in _COLOURS and cloud.rgb is not None)
+        fits = name in "xyz" or (
+            cloud.las_header is None and name in _COLOURS and cloud.rgb is not None
+        )
         if fits or _has_dimension(header, cloud, name):
             own[name] = column
         else:
-            others[f"scalar_{name}" if name in header.point_format.dimension_names else name] = column
+            others[f"scalar_{name}" if name in header.point_format.dimension_names else name] = (
+                column
+            )
     shortened: dict[str, NDArray[np.generic]] = {}
     for name, column in scalar_columns(others).items():
         short = name.encode()[:_NAME_BYTES].decode(errors="ignore")
         if short in own or short in shortened:
-            raise OutputError(f"attribute {name}: another one starts with the same {_NAME_BYTES} bytes; rename it")
+            raise OutputError(
+                f"attribute {name}: another one starts with the same {_NAME_BYTES} bytes; rename it"
+            )
         header.add_extra_dim(laspy.ExtraBytesParams(name=short, type=column.dtype))
         shortened[short] = column
     return own | shortened

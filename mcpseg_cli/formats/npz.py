@@ -20,9 +20,21 @@ from mcpseg_cli.formats.parts import CloudParts
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
 _CLASSES = "class_names"
 _DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise for damaged files
-    ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError, ArithmeticError, OSError, SyntaxError,
-    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError,
-)  # fmt: skip
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    ArithmeticError,
+    OSError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    tokenize.TokenError,
+)
 
 
 def read_npz(path: Path) -> Cloud:
@@ -40,11 +52,25 @@ def read_npz(path: Path) -> Cloud:
     arrays = _load(path)
     xyz = arrays.get("xyz")
     if xyz is None or xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
-        found = f"xyz is {xyz.dtype} {xyz.shape}" if xyz is not None else f"arrays {', '.join(arrays) or '(none)'}"
-        raise InputError(path, found, "an array xyz (N, 3) of numbers", "save it with numpy.savez(path, xyz=…, rgb=…)")
+        found = (
+            f"xyz is {xyz.dtype} {xyz.shape}"
+            if xyz is not None
+            else f"arrays {', '.join(arrays) or '(none)'}"
+        )
+        raise InputError(
+            path,
+            found,
+            "an array xyz (N, 3) of numbers",
+            "save it with numpy.savez(path, xyz=…, rgb=…)",
+        )
     doubled = [name for name in ("x", "y", "z") if name in arrays]
     if doubled:
-        raise InputError(path, f"{', '.join(doubled)} beside xyz", "coordinates once", f"remove {', '.join(doubled)}")
+        raise InputError(
+            path,
+            f"{', '.join(doubled)} beside xyz",
+            "coordinates once",
+            f"remove {', '.join(doubled)}",
+        )
     classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
     columns: dict[str, NDArray[np.generic]] = {}
     if "" in arrays:
@@ -74,7 +100,9 @@ def write_npz(file: BinaryIO, parts: CloudParts) -> None:
         if first.classes:
             _write_array(archive, _CLASSES, [np.array(first.classes)], len(first.classes))
         for name in joined_columns(first):
-            _write_array(archive, name, (joined_columns(cloud)[name] for cloud in parts), len(parts))
+            _write_array(
+                archive, name, (joined_columns(cloud)[name] for cloud in parts), len(parts)
+            )
 
 
 def joined_columns(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
@@ -88,12 +116,16 @@ def joined_columns(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
     return arrays | columns | arrays
 
 
-def _write_array(archive: zipfile.ZipFile, name: str, rows: Iterable[NDArray[np.generic]], num_rows: int) -> None:
+def _write_array(
+    archive: zipfile.ZipFile, name: str, rows: Iterable[NDArray[np.generic]], num_rows: int
+) -> None:
     """Write one array of the archive from its rows, a part of them at a time."""
     with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
         for number, part in enumerate(rows):
             if part.dtype.hasobject:
-                raise OutputError(f"attribute {name}: holds {part.dtype}; expected numbers or text; remove it")
+                raise OutputError(
+                    f"attribute {name}: holds {part.dtype}; expected numbers or text; remove it"
+                )
             if number == 0:
                 header = np.lib.format.header_data_from_array_1_0(part)
                 header |= {"shape": (num_rows, *part.shape[1:]), "fortran_order": False}

@@ -1,6 +1,7 @@
 """PCD (the Point Cloud Library's format) 0.7: ascii, binary and compressed, fields of any name, order, type and count.
 
-Read with numpy: Open3D's reader leaves memory unset where a file is damaged and keeps one number of a longer field.
+Read with numpy: Open3D's reader leaves memory unset where a file is damaged and keeps one number of
+a longer field.
 """
 
 import re
@@ -49,7 +50,8 @@ def read_pcd(path: Path) -> Cloud:
         Its points; packed ``rgb`` becomes ``red``, ``green`` and ``blue``, padding is left out.
 
     Raises:
-        InputError: A damaged header, missing coordinates, fewer points than promised or data that do not parse.
+        InputError: A damaged header, missing coordinates, fewer points than promised or data that
+            do not parse.
     """
     data = path.read_bytes()
     header = _parse_header(path, data)
@@ -87,7 +89,10 @@ def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
         columns = _fields(cloud)
         if number == 0:
             file.write(_header_text(len(parts), columns, cloud.classes))
-        dtype = [(name, column.dtype.newbyteorder("<"), column.shape[1:]) for name, column in columns.items()]
+        dtype = [
+            (name, column.dtype.newbyteorder("<"), column.shape[1:])
+            for name, column in columns.items()
+        ]
         table = np.empty(len(cloud), dtype)
         for name, column in columns.items():
             table[name] = column
@@ -96,7 +101,9 @@ def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
 
 def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
     """Give every field as (N, count)."""
-    columns = without_spaces({name: as_number(name, column) for name, column in cloud.columns.items()})
+    columns = without_spaces(
+        {name: as_number(name, column) for name, column in cloud.columns.items()}
+    )
     if set(_COLOURS) <= columns.keys() and (rgb := cloud.rgb) is not None:
         red, green, blue = rgb.astype(np.uint32).T
         columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
@@ -105,7 +112,9 @@ def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
     return {name: column.reshape(len(cloud), -1) for name, column in columns.items()}
 
 
-def _header_text(num_points: int, columns: dict[str, NDArray[np.generic]], classes: tuple[str, ...]) -> bytes:
+def _header_text(
+    num_points: int, columns: dict[str, NDArray[np.generic]], classes: tuple[str, ...]
+) -> bytes:
     kinds = {kind: letter for letter, kind in _KINDS.items()}
     lines = ["# .PCD v0.7 - Point Cloud Data file format"]
     lines += [_CLASSES_COMMENT + ",".join(classes)] * bool(classes)
@@ -113,11 +122,19 @@ def _header_text(num_points: int, columns: dict[str, NDArray[np.generic]], class
     lines += [f"SIZE {' '.join(str(column.dtype.itemsize) for column in columns.values())}"]
     lines += [f"TYPE {' '.join(kinds[column.dtype.kind] for column in columns.values())}"]
     lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
-    lines += [f"WIDTH {num_points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {num_points}", "DATA binary"]
+    lines += [
+        f"WIDTH {num_points}",
+        "HEIGHT 1",
+        "VIEWPOINT 0 0 0 1 0 0 0",
+        f"POINTS {num_points}",
+        "DATA binary",
+    ]
     return ("\n".join(lines) + "\n").encode()
 
 
-def _unpack_colours(column: NDArray[np.generic], num_channels: int) -> dict[str, NDArray[np.generic]]:
+def _unpack_colours(
+    column: NDArray[np.generic], num_channels: int
+) -> dict[str, NDArray[np.generic]]:
     packed = column.view("<u4")
     shifts = dict(zip((*_COLOURS, "alpha")[:num_channels], (16, 8, 0, 24), strict=False))
     return {name: (packed >> shift & 255).astype(np.uint8) for name, shift in shifts.items()}
@@ -127,25 +144,47 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse and check the header up to and including its DATA line."""
     match = re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if match is None:
-        raise InputError(path, "no DATA line", "a PCD header", "the file is cut short or not PCD; copy it again")
+        raise InputError(
+            path, "no DATA line", "a PCD header", "the file is cut short or not PCD; copy it again"
+        )
     lines = data[: match.start()].decode("utf-8", errors="replace").splitlines()
-    words = {line.split()[0]: line.split()[1:] for line in lines if line.strip() and not line.startswith("#")}
+    words = {
+        line.split()[0]: line.split()[1:]
+        for line in lines
+        if line.strip() and not line.startswith("#")
+    }
     encoding = match.group(1).decode("latin-1")
     if encoding not in _ENCODINGS:
-        raise InputError(path, f"DATA {encoding}", f"one of {', '.join(_ENCODINGS)}", "convert the file")
+        raise InputError(
+            path, f"DATA {encoding}", f"one of {', '.join(_ENCODINGS)}", "convert the file"
+        )
     missing = [axis for axis in "xyz" if axis not in words.get("FIELDS", "xyz")]
     if missing:
-        raise InputError(path, f"no field {', '.join(missing)}", "x, y and z", "export the cloud with coordinates")
+        raise InputError(
+            path,
+            f"no field {', '.join(missing)}",
+            "x, y and z",
+            "export the cloud with coordinates",
+        )
     try:
         dtype, num_points = _dtype(words), int(words["POINTS"][0])
         if num_points < 0 or any(dtype[axis].shape for axis in "xyz"):
             raise ValueError("counts")
     except (KeyError, ValueError, IndexError) as error:
         raise InputError(
-            path, "a header that does not add up", "FIELDS, SIZE, TYPE, COUNT and POINTS", "export it again"
+            path,
+            "a header that does not add up",
+            "FIELDS, SIZE, TYPE, COUNT and POINTS",
+            "export it again",
         ) from error
-    names = [line.removeprefix(_CLASSES_COMMENT).strip() for line in lines if line.startswith(_CLASSES_COMMENT)]
-    return _Header(dtype, num_points, encoding, tuple(names[0].split(",")) if names else (), match.end())
+    names = [
+        line.removeprefix(_CLASSES_COMMENT).strip()
+        for line in lines
+        if line.startswith(_CLASSES_COMMENT)
+    ]
+    return _Header(
+        dtype, num_points, encoding, tuple(names[0].split(",")) if names else (), match.end()
+    )
 
 
 def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:
@@ -153,7 +192,9 @@ def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:
     fields, kinds, sizes = words["FIELDS"], words["TYPE"], [int(size) for size in words["SIZE"]]
     counts = [int(count) for count in words.get("COUNT", ["1"] * len(fields))]
     types: list[tuple[str, str, tuple[int, ...]]] = []
-    for number, (name, kind, size, count) in enumerate(zip(fields, kinds, sizes, counts, strict=True)):
+    for number, (name, kind, size, count) in enumerate(
+        zip(fields, kinds, sizes, counts, strict=True)
+    ):
         if size not in _SIZES[kind] or not 0 < count < _MAX_HEADER:
             raise ValueError(name)
         unique = f"{_PADDING} {number}" if name == _PADDING else name  # padding repeats its name
@@ -172,10 +213,15 @@ def _read_ascii(path: Path, body: bytes, header: _Header) -> NDArray[np.void]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            table: NDArray[np.void] = np.loadtxt(text, header.dtype, comments=None, ndmin=1, encoding="latin-1")
+            table: NDArray[np.void] = np.loadtxt(
+                text, header.dtype, comments=None, ndmin=1, encoding="latin-1"
+            )
     except (ValueError, OverflowError, Warning) as error:
         raise InputError(
-            path, f"point lines that do not parse ({error})", "a number for every field", "export the cloud again"
+            path,
+            f"point lines that do not parse ({error})",
+            "a number for every field",
+            "export the cloud again",
         ) from error
     return table
 
@@ -190,7 +236,12 @@ def _read_compressed(path: Path, body: bytes, header: _Header) -> NDArray[np.voi
     columns = np.empty(table.nbytes, np.uint8)
     written = _decompress(np.frombuffer(body, np.uint8, packed_size, 8), columns)
     if size != len(columns) or written != size:
-        raise InputError(path, "compressed data that do not unpack", f"{len(columns):,} bytes", "copy the file again")
+        raise InputError(
+            path,
+            "compressed data that do not unpack",
+            f"{len(columns):,} bytes",
+            "copy the file again",
+        )
     start = 0
     for name in header.dtype.names or ():
         kind, shape = header.dtype[name].base, header.dtype[name].shape
@@ -232,5 +283,8 @@ def _decompress(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
 
 def _cut_short(path: Path, promised: int, found: int) -> InputError:
     return InputError(
-        path, f"{promised:,} points promised, {found:,} found", f"{promised:,}", "the file is cut short; copy it again"
+        path,
+        f"{promised:,} points promised, {found:,} found",
+        f"{promised:,}",
+        "the file is cut short; copy it again",
     )

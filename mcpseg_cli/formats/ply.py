@@ -66,20 +66,36 @@ def read_ply(path: Path) -> Cloud:
     """
     data = path.read_bytes()
     header = _parse_header(path, data)
-    position = next((i for i, element in enumerate(header.elements) if element.name == "vertex"), None)
+    position = next(
+        (i for i, element in enumerate(header.elements) if element.name == "vertex"), None
+    )
     if position is None:
-        raise InputError(path, "no vertex element", "'element vertex N'", "export the cloud with its points")
+        raise InputError(
+            path, "no vertex element", "'element vertex N'", "export the cloud with its points"
+        )
     vertex = header.elements[position]
     missing = [axis for axis in "xyz" if axis not in dict(vertex.properties)]
     if missing:
-        raise InputError(path, f"no property {', '.join(missing)}", "x, y and z", "export the cloud with coordinates")
+        raise InputError(
+            path,
+            f"no property {', '.join(missing)}",
+            "x, y and z",
+            "export the cloud with coordinates",
+        )
     if any(element.has_list for element in header.elements[: position + 1]):
-        raise InputError(path, "a list property in or before the vertices", "scalar properties", "export points only")
+        raise InputError(
+            path,
+            "a list property in or before the vertices",
+            "scalar properties",
+            "export points only",
+        )
     if header.encoding == "ascii":
         table = _read_ascii(path, data, header, position)
     else:
         table = _read_binary(path, data, header, position)
-    return Cloud({name: np.ascontiguousarray(table[name]) for name, _ in vertex.properties}, header.classes)
+    return Cloud(
+        {name: np.ascontiguousarray(table[name]) for name, _ in vertex.properties}, header.classes
+    )
 
 
 def write_ply(file: BinaryIO, parts: CloudParts) -> None:
@@ -118,10 +134,17 @@ def _storable(dtype: np.dtype[np.generic]) -> str:
 def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse the header up to and including ``end_header``."""
     if not data.startswith(b"ply"):
-        raise InputError(path, f"starts with {data[:8]!r}", "the word 'ply'", "check that this is a PLY file")
+        raise InputError(
+            path, f"starts with {data[:8]!r}", "the word 'ply'", "check that this is a PLY file"
+        )
     end = re.search(rb"^end_header[ \t\r]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if end is None:
-        raise InputError(path, "no end_header", "a complete header", "the file is cut short or not PLY; copy it again")
+        raise InputError(
+            path,
+            "no end_header",
+            "a complete header",
+            "the file is cut short or not PLY; copy it again",
+        )
     text = data[: end.start()].decode("utf-8", errors="replace")
     header = _Header("", [], (), end.end())
     for number, line in enumerate(text.splitlines()[1:], start=2):
@@ -129,15 +152,26 @@ def _parse_header(path: Path, data: bytes) -> _Header:
             _parse_header_line(header, line.split(), line)
         except (ValueError, KeyError, IndexError) as error:
             raise InputError(
-                path, f"header line {number} is {line[:60]!r}", "a PLY keyword with its arguments", "export it again"
+                path,
+                f"header line {number} is {line[:60]!r}",
+                "a PLY keyword with its arguments",
+                "export it again",
             ) from error
     if header.encoding not in _ORDERS:
-        raise InputError(path, f"format {header.encoding!r}", f"one of {', '.join(_ORDERS)}", "export the cloud again")
+        raise InputError(
+            path,
+            f"format {header.encoding!r}",
+            f"one of {', '.join(_ORDERS)}",
+            "export the cloud again",
+        )
     for element in header.elements:
         names = [name for name, _ in element.properties]
         if len(set(names)) != len(names):
             raise InputError(
-                path, f"{element.name} properties {names} repeat a name", "each name once", "export it again"
+                path,
+                f"{element.name} properties {names} repeat a name",
+                "each name once",
+                "export it again",
             )
     return header
 
@@ -171,7 +205,10 @@ def _dtype(header: _Header, element: _Element) -> np.dtype[np.void]:
 
 def _read_binary(path: Path, data: bytes, header: _Header, position: int) -> NDArray[np.void]:
     """Cut the vertices out of the binary data and convert them to this machine's byte order."""
-    sizes = [_dtype(header, element).itemsize * element.count for element in header.elements[: position + 1]]
+    sizes = [
+        _dtype(header, element).itemsize * element.count
+        for element in header.elements[: position + 1]
+    ]
     vertex = header.elements[position]
     dtype = _dtype(header, vertex)
     start = header.size + sum(sizes[:-1])
@@ -200,7 +237,9 @@ def _read_ascii(path: Path, data: bytes, header: _Header, position: int) -> NDAr
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            table: NDArray[np.void] = np.loadtxt(text, dtype, comments=None, ndmin=1, encoding="latin-1")
+            table: NDArray[np.void] = np.loadtxt(
+                text, dtype, comments=None, ndmin=1, encoding="latin-1"
+            )
     except (ValueError, OverflowError, Warning) as error:
         raise InputError(
             path,
@@ -212,5 +251,11 @@ def _read_ascii(path: Path, data: bytes, header: _Header, position: int) -> NDAr
 
 
 def _miscounted(path: Path, promised: int, found: int) -> InputError:
-    cause = "the file is cut short; copy it again" if found < promised else "the header is wrong; export it again"
-    return InputError(path, f"{promised:,} vertices promised, {found:,} found", f"{promised:,}", cause)
+    cause = (
+        "the file is cut short; copy it again"
+        if found < promised
+        else "the header is wrong; export it again"
+    )
+    return InputError(
+        path, f"{promised:,} vertices promised, {found:,} found", f"{promised:,}", cause
+    )

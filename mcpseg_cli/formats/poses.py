@@ -40,8 +40,9 @@ def read_poses(path: Path) -> PoseTable:
     """Read a pose file; its kind is told by its header or its number of columns.
 
     Args:
-        path: CSV with a header (``scan`` and ``timestamp`` optional, ``x y z`` and perhaps ``qx qy qz qw``), TUM
-            (``timestamp x y z qx qy qz qw``) or KITTI (the first three rows of the matrix).
+        path: CSV with a header (``scan`` and ``timestamp`` optional, ``x y z`` and perhaps ``qx qy
+            qz qw``), TUM (``timestamp x y z qx qy qz qw``) or KITTI (the first three rows of the
+            matrix).
 
     Returns:
         At least one pose.
@@ -52,11 +53,18 @@ def read_poses(path: Path) -> PoseTable:
     """
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
     if "\0" in text:
-        raise InputError(path, "binary data", "a text table of poses (CSV, TUM or KITTI)", "give the pose file second")
+        raise InputError(
+            path,
+            "binary data",
+            "a text table of poses (CSV, TUM or KITTI)",
+            "give the pose file second",
+        )
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     if not lines:
-        raise InputError(path, "no poses", "a line for each scan", "give a CSV, TUM or KITTI pose file")
+        raise InputError(
+            path, "no poses", "a line for each scan", "give a CSV, TUM or KITTI pose file"
+        )
     if any(not _is_number(word) for word in _words(lines[0][1])):
         return _read_csv(path, lines)
     num_columns = len(_words(lines[0][1]))
@@ -105,7 +113,10 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
     for number, words in rows:
         if len(words) != len(header):
             raise InputError(
-                path, f"line {number} has {len(words)} columns", f"{len(header)} as in the header", "mend the line"
+                path,
+                f"line {number} has {len(words)} columns",
+                f"{len(header)} as in the header",
+                "mend the line",
             )
     scans = None
     if "scan" in header:
@@ -117,7 +128,10 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
         if len(set(scans)) != len(scans):
             repeated = next(name for name in scans if scans.count(name) > 1)
             raise InputError(
-                path, f"scan {repeated} appears {scans.count(repeated)} times", "one row a scan", "remove all but one"
+                path,
+                f"scan {repeated} appears {scans.count(repeated)} times",
+                "one row a scan",
+                "remove all but one",
             )
     table = _numbers(path, rows, len(header))
     numbers = [number for number, _ in rows]
@@ -127,22 +141,33 @@ def _read_csv(path: Path, lines: list[tuple[int, str]]) -> PoseTable:
         poses[:, :3, 3] = position
         return PoseTable(poses, scans, has_rotation=False)
     return PoseTable(
-        _from_quaternions(path, numbers, position, table[:, [header.index(q) for q in _QUATERNION]]), scans
+        _from_quaternions(
+            path, numbers, position, table[:, [header.index(q) for q in _QUATERNION]]
+        ),
+        scans,
     )
 
 
-def _numbers(path: Path, rows: list[tuple[int, list[str]]], num_columns: int) -> NDArray[np.float64]:
+def _numbers(
+    path: Path, rows: list[tuple[int, list[str]]], num_columns: int
+) -> NDArray[np.float64]:
     """Parse every word as a finite number."""
     table = np.empty((len(rows), num_columns))
     for row, (number, words) in enumerate(rows):
         if len(words) != num_columns:
             raise InputError(
-                path, f"line {number} has {len(words)} columns", f"{num_columns} as before it", "mend the line"
+                path,
+                f"line {number} has {len(words)} columns",
+                f"{num_columns} as before it",
+                "mend the line",
             )
         for column, word in enumerate(words):
             if not _is_number(word) or not math.isfinite(float(word)):
                 raise InputError(
-                    path, f"{word[:40]!r} in line {number}, column {column + 1}", "a finite number", "mend the line"
+                    path,
+                    f"{word[:40]!r} in line {number}, column {column + 1}",
+                    "a finite number",
+                    "mend the line",
                 )
             table[row, column] = float(word)
     return table
@@ -169,7 +194,9 @@ def _from_quaternions(
     return poses
 
 
-def _from_matrices(path: Path, numbers: list[int], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _from_matrices(
+    path: Path, numbers: list[int], rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Build (P, 4, 4) poses from KITTI's twelve numbers a line."""
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :] = rows.reshape(-1, 3, 4)

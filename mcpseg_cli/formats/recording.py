@@ -35,7 +35,8 @@ def list_clouds(directory: Path) -> list[Path]:
         directory: The folder; its subfolders are not searched.
 
     Raises:
-        InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their ending.
+        InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their
+            ending.
     """
     if not directory.is_dir():
         found = "a file" if directory.exists() else "no such folder"
@@ -43,12 +44,16 @@ def list_clouds(directory: Path) -> list[Path]:
     files = [path for path in directory.iterdir() if path.name[0] != "." and path.is_file()]
     paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
     if not paths:
-        raise InputError(directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path")
+        raise InputError(
+            directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path"
+        )
     paths.sort(key=lambda path: natural_key(path.name))
     seen: dict[str, Path] = {}
     for path in paths:
         if any("\ud800" <= letter <= "\udfff" for letter in path.name):
-            raise InputError(directory, f"a scan called {path.name!r}", "a name in UTF-8", "rename it")
+            raise InputError(
+                directory, f"a scan called {path.name!r}", "a name in UTF-8", "rename it"
+            )
         if path.stem in seen:
             raise InputError(
                 directory,
@@ -65,25 +70,36 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
 
     Args:
         directory: Folder of scans.
-        poses_path: Pose file; rows pair with scans by its ``scan`` column (with or without ending), else by order.
-        frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an orientation.
+        poses_path: Pose file; rows pair with scans by its ``scan`` column (with or without ending),
+            else by order.
+        frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an
+            orientation.
 
     Returns:
         The scans in natural order.
 
     Raises:
-        InputError: Names the scan without a pose, the pose without a scan, the two counts, or a position too far out.
+        InputError: Names the scan without a pose, the pose without a scan, the two counts, or a
+            position too far out.
     """
     paths = list_clouds(directory)
     table = read_poses(poses_path)
     if frame == "sensor" and not table.has_rotation:
         raise InputError(
-            poses_path, "positions only", "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+            poses_path,
+            "positions only",
+            "qx qy qz qw with --frame sensor",
+            "add them, or use --frame map",
         )
     farthest = np.abs(table.poses[:, :3, 3]).max()
     if farthest >= MAX_COORDINATE:
         remedy = "subtract a common offset from scans and poses, or convert millimetres to metres"
-        raise InputError(poses_path, f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m", remedy)
+        raise InputError(
+            poses_path,
+            f"positions up to {farthest:.6g} m",
+            f"less than {MAX_COORDINATE:.6g} m",
+            remedy,
+        )
     if table.scans is None:
         if len(table) != len(paths):
             raise InputError(
@@ -96,20 +112,28 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
     return _pair_by_name(poses_path, paths, table, table.scans)
 
 
-def _pair_by_name(poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]) -> list[ScanFile]:
+def _pair_by_name(
+    poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]
+) -> list[ScanFile]:
     rows = {name: row for row, name in enumerate(scans)}
     recording = []
     for path in paths:
         row = rows.pop(path.name, rows.pop(path.stem, None) if path.name not in rows else None)
         if row is None:
             raise InputError(
-                poses_path, f"no pose for scan {path.name}", "a row for every scan", "add it or remove the scan"
+                poses_path,
+                f"no pose for scan {path.name}",
+                "a row for every scan",
+                "add it or remove the scan",
             )
         recording.append(ScanFile(path, table.poses[row]))
     if rows:
         name = next(iter(rows))
         raise InputError(
-            poses_path, f"a pose for {name}, which is not among the scans", "a scan for every row", "remove the row"
+            poses_path,
+            f"a pose for {name}, which is not among the scans",
+            "a scan for every row",
+            "remove the row",
         )
     return recording
 
@@ -132,7 +156,11 @@ def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, 
     xyz = cloud.xyz
     limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
     with np.errstate(over="ignore", invalid="ignore"):
-        xyz_map = to_map_frame(xyz, source.pose) if frame == "sensor" else xyz.astype(np.float32, copy=False)
+        xyz_map = (
+            to_map_frame(xyz, source.pose)
+            if frame == "sensor"
+            else xyz.astype(np.float32, copy=False)
+        )
         largest = np.abs(xyz_map).max()
     if not largest < limit:
         raise InputError(

@@ -76,12 +76,13 @@ def read_area(
 ) -> tuple[Building, AreaReport]:
     """Read an S3DIS area, or one room of it, from text or from the cache made when it was first read.
 
-    Rooms and files come in natural order (office_2 before office_10), objects are numbered in this order from 1. The
-    class is the file's name up to the number; classes other than the 13 become clutter. Hidden files, and files that
-    are not .txt, are passed over. See ``s3dis_text.read_lines`` for what becomes of bad lines.
+    Rooms and files come in natural order (office_2 before office_10), objects are numbered in this
+    order from 1. The class is the file's name up to the number; classes other than the 13 become
+    clutter. Hidden files, and files that are not .txt, are passed over. See
+    ``s3dis_text.read_lines`` for what becomes of bad lines.
 
-    The cache belongs to the names, sizes and times of all object files: whenever one differs, or it is damaged, the
-    text is read again. That it cannot be written is a notice, no error.
+    The cache belongs to the names, sizes and times of all object files: whenever one differs, or it
+    is damaged, the text is read again. That it cannot be written is a notice, no error.
 
     Args:
         path: The area's folder, a room's, or a room's ``Annotations``.
@@ -94,7 +95,8 @@ def read_area(
         The building, with 20 bytes for each point, and what was noticed.
 
     Raises:
-        InputError: Not the layout, no points at all, or a file with more than 10 bad lines and 0.1 % of them.
+        InputError: Not the layout, no points at all, or a file with more than 10 bad lines and 0.1
+            % of them.
         OSError: A file cannot be read.
     """
     folder, files, skipped = list_area(path)
@@ -119,26 +121,29 @@ def write_room(
 ) -> tuple[str, ...]:
     """Write one room in the S3DIS layout: ``area/room/Annotations/class_k.txt``, k from 1 in each class.
 
-    The room appears under its name only when complete; until then it lies in a hidden folder, which ``read_area``
-    passes over and the next attempt replaces. Coordinates are rounded to millimetres.
+    The room appears under its name only when complete; until then it lies in a hidden folder, which
+    ``read_area`` passes over and the next attempt replaces. Coordinates are rounded to millimetres.
 
     Args:
         area: The area's folder, made if not there.
         room: Name of the room, such as ``office_1``.
-        objects: Class, (N, 3) float32 metres in the map frame and (N, 3) uint8 colour of each; consumed one at a time.
-            Objects without points are not written.
+        objects: Class, (N, 3) float32 metres in the map frame and (N, 3) uint8 colour of each;
+            consumed one at a time. Objects without points are not written.
 
     Returns:
-        The name of each object's file without .txt, in the order given; empty for one that was not written.
+        The name of each object's file without .txt, in the order given; empty for one that was not
+        written.
 
     Raises:
-        OutputError: The room is already there, a name has characters other than letters, digits and ``_ . -``, or a
-            coordinate is not finite.
+        OutputError: The room is already there, a name has characters other than letters, digits and
+            ``_ . -``, or a coordinate is not finite.
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
     _check_name(area, room)
     if (area / room).exists():
-        raise OutputError(f"{area / room}: already there; expected a new room; remove it or name another")
+        raise OutputError(
+            f"{area / room}: already there; expected a new room; remove it or name another"
+        )
     hidden = area / f".{room}.part"
     shutil.rmtree(hidden, ignore_errors=True)
     (hidden / ANNOTATIONS).mkdir(parents=True)
@@ -170,14 +175,18 @@ def _write_objects(
                 for piece in format_lines(xyz, rgb):
                     file.write(piece)
         except ValueError as error:
-            raise OutputError(f"{room}: {names[-1]}: {error}; expected metres; write other points") from error
+            raise OutputError(
+                f"{room}: {names[-1]}: {error}; expected metres; write other points"
+            ) from error
     return tuple(names)
 
 
 def _check_name(source: Path, name: str) -> None:
     """Refuse names that are no plain file name."""
     if not _NAME.fullmatch(name):
-        raise OutputError(f"{source}: the name {name!r}; expected letters, digits and _ . - in it; rename it")
+        raise OutputError(
+            f"{source}: the name {name!r}; expected letters, digits and _ . - in it; rename it"
+        )
 
 
 def _class_of(file: ObjectFile) -> str:
@@ -190,7 +199,12 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
     counts = points.counts
     kept = [number for number in range(len(files)) if counts[number] > 0]
     if not kept:
-        raise InputError(folder, f"{len(files):,} object files without a point", "at least one point", "copy it again")
+        raise InputError(
+            folder,
+            f"{len(files):,} object files without a point",
+            "at least one point",
+            "copy it again",
+        )
     names = [_class_of(files[number]) for number in kept]
     indices = [S3DIS_CLASSES.index(name if name in S3DIS_CLASSES else "clutter") for name in names]
     rooms = tuple(dict.fromkeys(files[number].room for number in kept))
@@ -211,8 +225,12 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
         num_files=len(kept),
         mended=points.mended,
         dropped=points.dropped,
-        empty=tuple(file.name_in(folder) for file, count in zip(files, counts, strict=True) if count == 0),
-        without_annotations=tuple(room for room in dict.fromkeys(file.room for file in files) if room not in sizes),
+        empty=tuple(
+            file.name_in(folder) for file, count in zip(files, counts, strict=True) if count == 0
+        ),
+        without_annotations=tuple(
+            room for room in dict.fromkeys(file.room for file in files) if room not in sizes
+        ),
         other_classes=tuple((name, others.count(name)) for name in dict.fromkeys(others)),
     )
     return building, report
@@ -220,8 +238,12 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
 
 def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
     """Hash what tells one state of the object files from another."""
-    lines = [f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}\0{file.ctime_ns}" for file in files]
-    return hashlib.sha256("\n".join([_CACHE_VERSION, *lines]).encode("utf-8", "surrogateescape")).hexdigest()
+    lines = [
+        f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}\0{file.ctime_ns}" for file in files
+    ]
+    return hashlib.sha256(
+        "\n".join([_CACHE_VERSION, *lines]).encode("utf-8", "surrogateescape")
+    ).hexdigest()
 
 
 def _cache_of(folder: Path, cache: Path | None) -> Path:
@@ -265,7 +287,9 @@ def _to_cache(path: Path, building: Building, tags: dict[str, str]) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_building_h5(path, building, tags)
     except (McpsegError, OSError) as error:
-        return f"no cache was written ({error}); give another folder for it to read faster next time"
+        return (
+            f"no cache was written ({error}); give another folder for it to read faster next time"
+        )
     return ""
 
 

@@ -73,28 +73,44 @@ def list_area(path: Path) -> tuple[Path, list[ObjectFile], tuple[str, ...]]:
         path: The area's folder, a room's, or a room's ``Annotations``.
 
     Returns:
-        The area's (or the one room's) folder, its object files in order, and the folders without annotations.
+        The area's (or the one room's) folder, its object files in order, and the folders without
+        annotations.
 
     Raises:
         InputError: Not a folder in this layout, or no object files.
         OSError: A folder cannot be read.
     """
     if not path.is_dir():
-        raise InputError(path, "no such folder" if not path.exists() else "a file", _LAYOUT, "name the area's folder")
+        raise InputError(
+            path,
+            "no such folder" if not path.exists() else "a file",
+            _LAYOUT,
+            "name the area's folder",
+        )
     folder = Path(path.absolute().parent if path.name == ANNOTATIONS else path.absolute())
     if (folder / ANNOTATIONS).is_dir():
         rooms = [folder]
     else:
-        rooms = _natural(entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+        rooms = _natural(
+            entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith(".")
+        )
     skipped = tuple(room.name for room in rooms if not (room / ANNOTATIONS).is_dir())
     files = []
     for room in rooms:
         if room.name not in skipped:
-            found = (entry for entry in (room / ANNOTATIONS).iterdir() if entry.suffix.lower() == ".txt")
-            names = _natural(entry for entry in found if not entry.name.startswith(".") and entry.is_file())
+            found = (
+                entry for entry in (room / ANNOTATIONS).iterdir() if entry.suffix.lower() == ".txt"
+            )
+            names = _natural(
+                entry for entry in found if not entry.name.startswith(".") and entry.is_file()
+            )
             for name in names:
                 status = name.stat()
-                files.append(ObjectFile(room.name, name, status.st_size, status.st_mtime_ns, status.st_ctime_ns))
+                files.append(
+                    ObjectFile(
+                        room.name, name, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+                    )
+                )
     if not files:
         inner = [room.name for room in rooms if any(room.glob(f"*/{ANNOTATIONS}"))]
         remedy = f"name one area, such as {folder / inner[0]}" if inner else "check the path"
@@ -108,7 +124,10 @@ def _natural(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_files(
-    files: list[ObjectFile], folder: Path, threads: int, progress: Callable[[str, int, int], None] | None = None
+    files: list[ObjectFile],
+    folder: Path,
+    threads: int,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> Points:
     """Read the points of all files.
 
@@ -142,9 +161,13 @@ def read_files(
                 if progress is not None:
                     progress(files[number].room, done, total)
             name = files[number].name_in(folder)
-            bad_lines += [(f"{name}:{bad.line}", bad.mended) for bad in check.finish(int(counts[number]))]
+            bad_lines += [
+                (f"{name}:{bad.line}", bad.mended) for bad in check.finish(int(counts[number]))
+            ]
     xyz, rgb = points.finish()
-    mended, dropped = (tuple(line for line, is_mended in bad_lines if is_mended is want) for want in (True, False))
+    mended, dropped = (
+        tuple(line for line, is_mended in bad_lines if is_mended is want) for want in (True, False)
+    )
     return Points(xyz, rgb, counts, mended, dropped)
 
 
@@ -181,7 +204,9 @@ class _LineCheck:
 
     def add(self, lines: Lines) -> None:
         """Take in the next part."""
-        self._bad += [BadLine(self._num_lines + bad.line, bad.text, bad.mended) for bad in lines.bad]
+        self._bad += [
+            BadLine(self._num_lines + bad.line, bad.text, bad.mended) for bad in lines.bad
+        ]
         self._num_lines += lines.num_lines
         if not lines.is_whole:
             self._refuse("at least ")
@@ -202,9 +227,13 @@ class _LineCheck:
         )
 
 
-def _by_file(files: list[ObjectFile], threads: int) -> Generator[tuple[int, Iterator[tuple[int, Lines]]], None, None]:
+def _by_file(
+    files: list[ObjectFile], threads: int
+) -> Generator[tuple[int, Iterator[tuple[int, Lines]]], None, None]:
     """Read all parts of all files ahead in threads; yield each file's parts, in order, with their bytes of text."""
-    jobs = ((number, start) for number, file in enumerate(files) for start in range(0, file.size, _PART))
+    jobs = (
+        (number, start) for number, file in enumerate(files) for start in range(0, file.size, _PART)
+    )
     running: deque[Future[Lines]] = deque()
     with ThreadPoolExecutor(threads) as pool:
 

@@ -44,7 +44,8 @@ class Lines:
         rgb: (N, 3) uint8.
         num_lines: Lines read, blank ones included.
         bad: Every bad line.
-        is_whole: False when so many lines were bad (more than 16 and one in 1,000 bytes) that reading was given up.
+        is_whole: False when so many lines were bad (more than 16 and one in 1,000 bytes) that
+            reading was given up.
     """
 
     xyz: NDArray[np.float32]
@@ -57,10 +58,11 @@ class Lines:
 def read_lines(text: bytes) -> Lines:
     r"""Read lines ``x y z r g b``, separated by spaces or tabs, ended by LF or CRLF; blank lines are passed over.
 
-    Coordinates are at most one float32 step from the correctly rounded number; colours may be written as decimals and
-    are rounded. A line is bad unless it is exactly six finite decimal numbers with colours in 0 to 255. One with stray
-    bytes in it (control characters, anything not ASCII) is mended: they are taken for separators if that makes it
-    good (``98 185\x10187``), else left out if that does (``103.0\x100000``). Other bad lines are dropped.
+    Coordinates are at most one float32 step from the correctly rounded number; colours may be
+    written as decimals and are rounded. A line is bad unless it is exactly six finite decimal
+    numbers with colours in 0 to 255. One with stray bytes in it (control characters, anything not
+    ASCII) is mended: they are taken for separators if that makes it good (``98 185\x10187``), else
+    left out if that does (``103.0\x100000``). Other bad lines are dropped.
 
     Args:
         text: Whole lines; the last may lack its end.
@@ -79,14 +81,23 @@ def read_lines(text: bytes) -> Lines:
     bad, rows, xyz_mended, rgb_mended = [], [], [], []
     for line, row, start, end in places[:num_bad].tolist():
         mended = _mend(text[start:end]) if is_whole else None
-        bad.append(BadLine(line + 1, text[start : min(end, start + 60)].decode("latin-1").strip(), mended is not None))
+        bad.append(
+            BadLine(
+                line + 1,
+                text[start : min(end, start + 60)].decode("latin-1").strip(),
+                mended is not None,
+            )
+        )
         if mended is not None:
             rows.append(row)
             xyz_mended.append(mended[0])
             rgb_mended.append(mended[1])
     xyz, rgb = xyz[:num_points], rgb[:num_points]
     if rows:
-        xyz, rgb = np.insert(xyz, rows, xyz_mended, axis=0), np.insert(rgb, rows, rgb_mended, axis=0)
+        xyz, rgb = (
+            np.insert(xyz, rows, xyz_mended, axis=0),
+            np.insert(rgb, rows, rgb_mended, axis=0),
+        )
     return Lines(xyz, rgb, num_lines, tuple(bad), is_whole)
 
 
@@ -124,7 +135,10 @@ def _mend(line: bytes) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
 
 @njit(cache=True, nogil=True)
 def _parse(
-    text: NDArray[np.uint8], xyz: NDArray[np.float32], rgb: NDArray[np.uint8], bad: NDArray[np.int64]
+    text: NDArray[np.uint8],
+    xyz: NDArray[np.float32],
+    rgb: NDArray[np.uint8],
+    bad: NDArray[np.int64],
 ) -> tuple[int, int, int]:
     """Read every line; of bad ones keep line number, points before, start and end. Return points, lines, bad ones."""
     position = num_points = num_lines = num_bad = 0
@@ -151,7 +165,9 @@ def _parse(
 
 
 @njit(cache=True, nogil=True)
-def _parse_line(text: NDArray[np.uint8], position: int, values: NDArray[np.float64]) -> tuple[int, int]:
+def _parse_line(
+    text: NDArray[np.uint8], position: int, values: NDArray[np.float64]
+) -> tuple[int, int]:
     """Read the numbers of one line; return where the next line starts and how many there were, -1 if malformed."""
     num_values = 0
     while position < len(text):
@@ -236,7 +252,10 @@ def _scaled(mantissa: int, power: int) -> float:
 def _is_point(values: NDArray[np.float64]) -> bool:
     """Whether six numbers are coordinates that float32 can hold and colours."""
     for axis in range(3):
-        if not np.isfinite(np.float32(values[axis])) or not 0.0 <= np.float32(values[axis + 3]) <= 255.0:
+        if (
+            not np.isfinite(np.float32(values[axis]))
+            or not 0.0 <= np.float32(values[axis + 3]) <= 255.0
+        ):
             return False
     return True
 

@@ -3,43 +3,24 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.incremental.clustering import ANY, embed_classes, quantise
+from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
+from mcpseg_cli.incremental.clustering import embed_classes, quantise
 from mcpseg_cli.incremental.context import context_input, network_input
-from mcpseg_cli.incremental.region_growing import estimate_normals, keep_alike
+from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.device import find_device
+from mcpseg_cli.networks.device import find_device, one_thread_per_operation, resolve_precision
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights
 
 _CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bounds memory
-_TILE_VOXELS = 64  # voxels whose context is pooled at a time: 3,200 points with 200 features stay in a core's cache
-
-
-@dataclass(frozen=True)
-class VoxelLabels:
-    """What is found out about M voxels.
-
-    Attributes:
-        semantic: (M,) uint8 class index, 255 unknown.
-        confidence: (M,) float32 in 0-1: probability of that class, 0 where it is unknown.
-        embedding: (M, E) int16 what neighbours are compared by.
-    """
-
-    semantic: NDArray[np.uint8]
-    confidence: NDArray[np.float32]
-    embedding: NDArray[np.int16]
+# voxels whose context is pooled at a time: 3,200 points with 200 features stay in a core's cache
+_TILE_VOXELS = 64
 
 
 class NetworkLabeller:
@@ -47,10 +28,10 @@ class NetworkLabeller:
 
     Args:
         weights: Network and class table.
-        settings: Batch size and similarity, where not given, are the network's own. A network without embedding joins
-            neighbours of one class (IV-B), whatever the similarity.
-        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
-            where the processor computes it natively.
+        settings: Batch size and similarity, where not given, are the network's own. A network
+            without embedding joins neighbours of one class (IV-B), whatever the similarity.
+        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
+            ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
 
     Attributes:
@@ -64,7 +45,12 @@ class NetworkLabeller:
     """
 
     def __init__(
-        self, weights: Weights, settings: SegmentSettings, *, precision: Precision = "auto", device: str = "cpu"
+        self,
+        weights: Weights,
+        settings: SegmentSettings,
+        *,
+        precision: Precision = "auto",
+        device: str = "cpu",
     ) -> None:
         self.settings = _complete(settings, weights.network)
         self.classes = weights.info.classes
@@ -74,7 +60,9 @@ class NetworkLabeller:
         self._device = find_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(self.precision)
-        self._workers = ThreadPoolExecutor(torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,))
+        self._workers = ThreadPoolExecutor(
+            torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,)
+        )
 
     def label(
         self,
@@ -89,7 +77,8 @@ class NetworkLabeller:
         Args:
             voxel_map: The map; context comes from all of it.
             ids: (M,) int32 voxels to label.
-            position: (3,) float64 what the network takes for the robot's position, metres, map frame.
+            position: (3,) float64 what the network takes for the robot's position, metres, map
+                frame.
             floor: Height of the floor, metres, map frame.
             rng: Decides the batches and the context points.
         """
@@ -99,16 +88,22 @@ class NetworkLabeller:
         chunk = _CHUNK_BATCHES * self.settings.batch_size
         # The last chunk takes what is left too: its last batch is filled up from it.
         ends = list(range(chunk, len(ids) - chunk + 1, chunk))
-        with _one_thread_per_operation():
+        with one_thread_per_operation():
             for rows in np.split(order, ends) if len(ids) else []:
                 unit, logits = self._run_batches(voxel_map, ids[rows], position, floor, rng)
                 probability, best = torch.softmax(logits, dim=1).max(dim=1)
                 semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
-                embedding[rows] = embed_classes(semantic[rows]) if unit is None else unit.cpu().numpy()
+                embedding[rows] = (
+                    embed_classes(semantic[rows]) if unit is None else unit.cpu().numpy()
+                )
         return VoxelLabels(semantic, confidence, quantise(embedding))
 
     def partners(
-        self, voxel_map: VoxelMap, new: NDArray[np.int32], embedding: NDArray[np.int16], known: NDArray[np.int16]
+        self,
+        voxel_map: VoxelMap,
+        new: NDArray[np.int32],
+        embedding: NDArray[np.int16],
+        known: NDArray[np.int16],
     ) -> NDArray[np.int32]:
         """Give the neighbours that new voxels may connect to (III-C): all; how similar they are decides.
 
@@ -138,10 +133,14 @@ class NetworkLabeller:
         pooled = self._pool_context(voxel_map, ids, rng) if self._network.needs_context else None
         rows = torch.arange(len(ids))
         if len(ids) > size:  # a single batch would be filled from itself, which changes no maximum
-            rows = torch.cat([rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))])
+            rows = torch.cat(
+                [rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))]
+            )
         batches = torch.split(rows.to(self._device), size)
         contexts = [None if pooled is None else pooled[batch] for batch in batches]
-        outputs = list(self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts))
+        outputs = list(
+            self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts)
+        )
         units = [embedding for embedding, _ in outputs if embedding is not None]
         unit = torch.cat(units)[: len(ids)] if units else None
         return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
@@ -152,113 +151,42 @@ class NetworkLabeller:
     ) -> tuple[torch.Tensor | None, torch.Tensor]:
         return self._network.label(centre, pooled)
 
-    def _pool_context(self, voxel_map: VoxelMap, ids: NDArray[np.int32], rng: np.random.Generator) -> torch.Tensor:
+    def _pool_context(
+        self, voxel_map: VoxelMap, ids: NDArray[np.int32], rng: np.random.Generator
+    ) -> torch.Tensor:
         """Sample, gather and pool context in tiles that stay in cache, shared among the workers.
 
-        Threads that meet once a scan stand a busy machine far better than operations that each wait for all cores. The
-        tiles do not depend on how many workers there are, and so neither do the labels.
+        Threads that meet once a scan stand a busy machine far better than operations that each wait
+        for all cores. The tiles do not depend on how many workers there are, and so neither do the
+        labels.
         """
         uniform = rng.random((len(ids), self._info.num_context), np.float32)
-        num_tiles = min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids)) if self._device.type == "cpu" else 1
+        num_tiles = (
+            min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids))
+            if self._device.type == "cpu"
+            else 1
+        )
         maps = [voxel_map] * num_tiles
         tiles = self._workers.map(
-            self._pool_tile, maps, np.array_split(ids, num_tiles), np.array_split(uniform, num_tiles)
+            self._pool_tile,
+            maps,
+            np.array_split(ids, num_tiles),
+            np.array_split(uniform, num_tiles),
         )
         return torch.cat(list(tiles))
 
     @torch.inference_mode()
-    def _pool_tile(self, voxel_map: VoxelMap, ids: NDArray[np.int32], uniform: NDArray[np.float32]) -> torch.Tensor:
+    def _pool_tile(
+        self, voxel_map: VoxelMap, ids: NDArray[np.int32], uniform: NDArray[np.float32]
+    ) -> torch.Tensor:
         sample = voxel_map.sample_context(ids, self._info.context_window, uniform)
         context = context_input(ids, sample, voxel_map.xyz, voxel_map.rgb)
         return self._network.pool_context(torch.from_numpy(context).to(self._device))
 
 
-class RegionGrower:
-    """Region growing by normals and colour (table II): objects without classes, without learning.
-
-    Args:
-        growing: Which neighbours are alike.
-        settings: Batch size and similarity mean nothing here.
-
-    Attributes:
-        settings: As given.
-        classes: None.
-        similarity: Any: who is alike is decided before.
-        precision: ``fp32``.
-    """
-
-    def __init__(self, growing: RegionGrowingSettings, settings: SegmentSettings) -> None:
-        self.settings = settings
-        self.classes: tuple[str, ...] = ()
-        self.similarity = ANY
-        self.precision: Precision = "fp32"
-        self._growing = growing
-
-    def label(
-        self,
-        voxel_map: VoxelMap,
-        ids: NDArray[np.int32],
-        position: NDArray[np.float64],
-        floor: float,
-        rng: np.random.Generator,
-    ) -> VoxelLabels:
-        """Find the normals of voxels, which take the first places of the embedding; see ``NetworkLabeller.label``."""
-        embedding = np.zeros((len(ids), EMBEDDING), np.float32)
-        embedding[:, :3] = estimate_normals(voxel_map, ids, position, self._growing)
-        unknown = np.full(len(ids), UNKNOWN, np.uint8)
-        return VoxelLabels(unknown, np.zeros(len(ids), np.float32), quantise(embedding))
-
-    def partners(
-        self, voxel_map: VoxelMap, new: NDArray[np.int32], embedding: NDArray[np.int16], known: NDArray[np.int16]
-    ) -> NDArray[np.int32]:
-        """Give the neighbours of new voxels that are alike; see ``NetworkLabeller.partners``."""
-        return keep_alike(voxel_map.neighbours(new), embedding, known, voxel_map.rgb, self._growing)
-
-
-Labeller = NetworkLabeller | RegionGrower
-
-
-def make_labeller(
-    method: Weights | RegionGrowingSettings, settings: SegmentSettings, precision: Precision, device: str
-) -> Labeller:
-    """Make what labels voxels: a network, or region growing.
-
-    Raises:
-        McpsegError: The device does not exist here.
-    """
-    if isinstance(method, RegionGrowingSettings):
-        return RegionGrower(method, settings)
-    return NetworkLabeller(method, settings, precision=precision, device=device)
-
-
-@contextmanager
-def _one_thread_per_operation() -> Iterator[None]:
-    """Keep torch from splitting single operations among cores: the workers share whole tiles instead."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
 def _complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
     """Fill in what was not given by what the network was made for."""
     own = {"batch_size": network.batch_size, "similarity": network.similarity}
-    return settings.model_copy(update={name: own[name] for name in own.keys() - settings.model_fields_set})
-
-
-def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
-    """Replace ``auto`` by what this machine does best: bf16 where it is native, else fp32."""
-    if precision != "auto":
-        return precision
-    return "bf16" if device == "cpu" and _cpu_has_bf16() else "fp32"
-
-
-def _cpu_has_bf16() -> bool:
-    """Tell whether the processor multiplies bfloat16 natively (AMX or AVX512-BF16), as Linux reports it."""
-    try:
-        flags = Path("/proc/cpuinfo").read_text().split()
-    except OSError:
-        return False
-    return "avx512_bf16" in flags or "amx_bf16" in flags
+    return settings.model_copy(
+        update={name: own[name] for name in own.keys() - settings.model_fields_set}
+    )

@@ -51,7 +51,8 @@ class Clusters:
 
         Args:
             embedding: (M, E) int16 from ``quantise``.
-            neighbours: (M, 26) int32 voxel ids, -1 for none; the new voxels have the M ids after those known.
+            neighbours: (M, 26) int32 voxel ids, -1 for none; the new voxels have the M ids after
+                those known.
 
         Returns:
             (P, 2) int32 merges of objects known before: old id, surviving id, in order of old id.
@@ -60,7 +61,9 @@ class Clusters:
         start, num_known = len(self.instance), len(self._survivor.rows)
         self._embedding.append(embedding)
         self._survivor.append(np.arange(num_known, num_known + len(embedding), dtype=np.int32))
-        joined, removed = _connect(neighbours, self.embedding, self._threshold, self.instance, self._survivor.rows)
+        joined, removed = _connect(
+            neighbours, self.embedding, self._threshold, self.instance, self._survivor.rows
+        )
         instance, num_objects = _number_new(joined, num_known, self._survivor.rows)
         self._survivor.truncate(num_known)
         self._add_objects(num_objects)
@@ -95,7 +98,13 @@ class Clusters:
         self._survivor.rows[merges[:, 0]] = merges[:, 1]
         self.num_objects -= len(merges)
         self.instance[:] = resolve(self.instance, self._survivor.rows)
-        _append_members(0, self.instance, self._next_member.rows, self._first_member.rows, self._last_member.rows)
+        _append_members(
+            0,
+            self.instance,
+            self._next_member.rows,
+            self._first_member.rows,
+            self._last_member.rows,
+        )
 
     def _add_objects(self, count: int) -> None:
         """Give out the next ``count`` object ids."""
@@ -132,8 +141,8 @@ def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
         semantic: (M,) uint8 class index.
 
     Returns:
-        (M, E) float32 unit vectors: the bits of the class as signs, again and again. The cosine similarity is 1 within
-        a class, and 0.75 or less between two.
+        (M, E) float32 unit vectors: the bits of the class as signs, again and again. The cosine
+        similarity is 1 within a class, and 0.75 or less between two.
     """
     signs = 2 * np.unpackbits(semantic[:, None], axis=1).astype(np.float32) - 1  # (M, 8)
     repeats = EMBEDDING // signs.shape[1]
@@ -148,7 +157,8 @@ def resolve(instance: NDArray[np.int32], survivor: NDArray[np.int32]) -> NDArray
 
     Args:
         instance: (V,) int32 object ids.
-        survivor: (O,) int32: the object that took over each object, itself if it lives; shortened along the way.
+        survivor: (O,) int32: the object that took over each object, itself if it lives; shortened
+            along the way.
 
     Returns:
         (V,) int32, a new array.
@@ -210,7 +220,9 @@ def _connect(
 
 
 @njit(cache=True)
-def _number_new(joined: NDArray[np.int32], num_known: int, parent: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
+def _number_new(
+    joined: NDArray[np.int32], num_known: int, parent: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], int]:
     """Replace provisional ids by survivors, new objects numbered without gaps in the order of their first voxels."""
     number = np.zeros(joined.size, np.int32)  # of each provisional id, once given
     num_objects = 0

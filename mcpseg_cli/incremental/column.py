@@ -34,7 +34,9 @@ class Column(Generic[ScalarT]):
         """Copy rows to the end."""
         end = self._count + len(rows)
         if end > len(self._data):
-            grown = np.empty((max(end, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype)
+            grown = np.empty(
+                (max(end, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype
+            )
             grown[: self._count] = self.rows
             self._data = grown
         self._data[self._count : end] = rows

@@ -1,7 +1,7 @@
 """The height of the floor, from the map around the robot (III-B: "the z-coordinate is zero at the floor level").
 
-The lowest point of a scan is the floor only for a scanner that sees the whole sphere and no stray point below it. The
-map around the robot remembers a floor that this scan does not see.
+The lowest point of a scan is the floor only for a scanner that sees the whole sphere and no stray
+point below it. The map around the robot remembers a floor that this scan does not see.
 """
 
 import numpy as np
@@ -15,7 +15,11 @@ _RADIUS = 2.0  # metres around the robot in which to look
 _BELOW = 3.0  # the floor is at most this far below the sensor, metres
 _ABOVE = 0.15  # ... or this far above the pose, for poses given at the robot's foot
 _FLAT_NEIGHBOURS = 6  # of 8 beside a voxel, a layer up or down allowed
-_CLEAR_LAYERS = (2, 3, 4)  # above a floor there is nothing; above a voxel of a thick wall there is wall
+_CLEAR_LAYERS = (
+    2,
+    3,
+    4,
+)  # above a floor there is nothing; above a voxel of a thick wall there is wall
 _MIN_AREA = 0.2  # square metres of flat voxels that make a floor
 _MIN_SHARE = 0.2  # ... and their share of the largest flat layer
 
@@ -28,16 +32,21 @@ def floor_height(voxel_map: VoxelMap, position: NDArray[np.float64]) -> float | 
         position: (3,) float64 sensor position, metres, map frame.
 
     Returns:
-        Mean height of that surface's points, metres, map frame; None if the map shows no level surface there.
+        Mean height of that surface's points, metres, map frame; None if the map shows no level
+        surface there.
     """
     size = voxel_map.voxel_size
-    low, high = voxel_of(position + np.array([[-_RADIUS, -_RADIUS, -_BELOW], [_RADIUS, _RADIUS, _ABOVE]]), size)
+    low, high = voxel_of(
+        position + np.array([[-_RADIUS, -_RADIUS, -_BELOW], [_RADIUS, _RADIUS, _ABOVE]]), size
+    )
     shape = high - low + 1
     ids = voxel_map.occupancy(low, (int(shape[0]), int(shape[1]), int(shape[2])))
     flat = _flat(ids >= 0)
     area = flat.sum(axis=(0, 1))
     area[:-1] += area[1:]  # a floor at a voxel border is split between two layers
-    wide = np.flatnonzero((area * size**2 >= _MIN_AREA) & (area >= _MIN_SHARE * area.max(initial=0)))
+    wide = np.flatnonzero(
+        (area * size**2 >= _MIN_AREA) & (area >= _MIN_SHARE * area.max(initial=0))
+    )
     if len(wide) == 0:
         return None
     layers = slice(wide[0], wide[0] + 2)

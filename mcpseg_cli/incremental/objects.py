@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.segment.checkpoint import MapRows
+from mcpseg_cli.incremental.map_rows import MapRows
 
 _BOX_ANGLES = 90  # directions tried for the smallest oriented box, one degree apart
 
@@ -19,7 +19,8 @@ class MapObject:
 
     Attributes:
         id: Its object id.
-        class_name: Class by vote of its points; a tie goes to the first in the table. ``unknown`` without classes.
+        class_name: Class by vote of its points; a tie goes to the first in the table. ``unknown``
+            without classes.
         confidence: Mean confidence of the points that voted for that class, 0-1.
         num_points: Points (voxels) it has.
         centroid: Mean of its points, metres, map frame.
@@ -68,18 +69,29 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     height = np.stack([(low[:, 2] + high[:, 2]) / 2, high[:, 2] - low[:, 2]])
     return [
         MapObject(
-            int(ids[i]), _name(classes, voted[i]), round(float(confidence[i]), 4), int(counts[i]),
-            _rounded(centroid[i]), _rounded(low[i]), _rounded(high[i]), _rounded([*centre[i], height[0, i]]),
-            _rounded([*size[i], height[1, i]]), float(yaw_deg[i]),
+            int(ids[i]),
+            _name(classes, voted[i]),
+            round(float(confidence[i]), 4),
+            int(counts[i]),
+            _rounded(centroid[i]),
+            _rounded(low[i]),
+            _rounded(high[i]),
+            _rounded([*centre[i], height[0, i]]),
+            _rounded([*size[i], height[1, i]]),
+            float(yaw_deg[i]),
         )
         for i in range(len(ids))
-    ]  # fmt: skip
+    ]
 
 
-def _vote(semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int) -> NDArray[np.int64]:
+def _vote(
+    semantic: NDArray[np.uint8], owner: NDArray[np.int64], num_objects: int
+) -> NDArray[np.int64]:
     """Find the most frequent class of each object without a table of objects times classes."""
     pair, votes = np.unique((owner << 8) | semantic, return_counts=True)
-    best = np.lexsort((-pair, votes, pair >> 8))  # last of each object: most votes, then lowest class
+    best = np.lexsort(
+        (-pair, votes, pair >> 8)
+    )  # last of each object: most votes, then lowest class
     last = np.flatnonzero(np.diff(pair[best] >> 8, append=num_objects))
     voted: NDArray[np.int64] = pair[best][last] & 255
     return voted
@@ -103,7 +115,9 @@ def _oriented_boxes(
     step, low, high = boxes[:, 0].astype(np.int64), boxes[:, 1:3], boxes[:, 3:5]
     middle, size = (low + high) / 2, high - low
     cos, sin = np.cos(angles[step]), np.sin(angles[step])
-    centre = np.stack([middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos], axis=1)
+    centre = np.stack(
+        [middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos], axis=1
+    )
     is_tall = size[:, 1] > size[:, 0]
     yaw_deg = step + 90.0 * is_tall
     return centre, np.where(is_tall[:, None], size[:, ::-1], size), yaw_deg

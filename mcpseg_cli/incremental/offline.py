@@ -1,7 +1,7 @@
 """Label a complete cloud at once, block by block, as tables I and II have it for the offline methods.
 
-The authors' program divides the cloud into columns of a metre by a metre, runs the network on each as if the robot
-stood in its middle, then clusters once.
+The authors' program divides the cloud into columns of a metre by a metre, runs the network on each
+as if the robot stood in its middle, then clusters once.
 """
 
 from __future__ import annotations
@@ -12,23 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING, OFFLINE_BLOCK
-from mcpseg_cli.incremental.classification import Labeller
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.incremental.methods import Labeller
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.segment.checkpoint import MapRows
 
 
-def label_cloud(voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: Labeller) -> tuple[MapRows, float]:
+def label_cloud(
+    voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: Labeller
+) -> tuple[MapRows, float]:
     """Label all voxels of a map, each as its block sees it, and cluster them once.
 
     Args:
         voxel_map: The complete cloud, one point a voxel; at least one.
-        positions: (S, 3) float64 where the scans were taken, metres, map frame; the nearest gives a block its height.
+        positions: (S, 3) float64 where the scans were taken, metres, map frame; the nearest gives a
+            block its height.
         labeller: What labels.
 
     Returns:
-        The map's rows, labels final, and the height of the floor under the last block, metres, map frame.
+        The map's rows, labels final, and the height of the floor under the last block, metres, map
+        frame.
     """
     num_voxels, settings = len(voxel_map), labeller.settings
     semantic, confidence = np.empty(num_voxels, np.uint8), np.empty(num_voxels, np.float32)
@@ -39,7 +43,11 @@ def label_cloud(voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: L
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))
         found = labeller.label(voxel_map, ids, position, floor, rng)
-        semantic[ids], confidence[ids], embedding[ids] = found.semantic, found.confidence, found.embedding
+        semantic[ids], confidence[ids], embedding[ids] = (
+            found.semantic,
+            found.confidence,
+            found.embedding,
+        )
     everything = np.arange(num_voxels, dtype=np.int32)
     clusters = Clusters(labeller.similarity)
     clusters.add(embedding, labeller.partners(voxel_map, everything, embedding, embedding[:0]))
@@ -57,7 +65,9 @@ def nearest_height(positions: NDArray[np.float64], middle: NDArray[np.float64]) 
     return float(positions[np.argmin(np.sum((positions[:, :2] - middle) ** 2, axis=1)), 2])
 
 
-def split_blocks(xyz: NDArray[np.float32], edge: float) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+def split_blocks(
+    xyz: NDArray[np.float32], edge: float
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:
     """Divide points into upright columns on a grid.
 
     Args:

@@ -1,8 +1,9 @@
 """Region growing by normals and colour (table II): what it takes for two neighbouring voxels to be one surface.
 
-As in the Point Cloud Library: a normal from the points around, facing the sensor; smooth points join all neighbours
-that face the same way in the same colour; rough ones, on edges and thin things, join a region but do not make it grow
-(Rabbani et al. 2006). Here it runs scan by scan, on voxels new to the map, and clusters keep the regions.
+As in the Point Cloud Library: a normal from the points around, facing the sensor; smooth points
+join all neighbours that face the same way in the same colour; rough ones, on edges and thin things,
+join a region but do not make it grow (Rabbani et al. 2006). Here it runs scan by scan, on voxels
+new to the map, and clusters keep the regions.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import RegionGrowingSettings
+from mcpseg_cli.classes import UNKNOWN
+from mcpseg_cli.config import EMBEDDING, Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.incremental.clustering import ANY, quantise
+from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 _NONE = -1
@@ -19,7 +23,10 @@ _THIN = 1e-9  # variance across points on a line, of that along it
 
 
 def estimate_normals(
-    voxel_map: VoxelMap, ids: NDArray[np.int32], position: NDArray[np.float64], settings: RegionGrowingSettings
+    voxel_map: VoxelMap,
+    ids: NDArray[np.int32],
+    position: NDArray[np.float64],
+    settings: RegionGrowingSettings,
 ) -> NDArray[np.float32]:
     """Fit a plane to the points around each voxel.
 
@@ -34,7 +41,9 @@ def estimate_normals(
     """
     around = voxel_map.neighbours(ids, settings.reach)
     count, covariance = _spread(ids, around, voxel_map.xyz)
-    variance, axes = np.linalg.eigh(covariance)  # ascending; variance (M, 3), axes (M, 3, 3) in columns
+    variance, axes = np.linalg.eigh(
+        covariance
+    )  # ascending; variance (M, 3), axes (M, 3, 3) in columns
     is_line = variance[:, 1] <= _THIN * variance[:, 2]
     is_rough = variance[:, 0] > settings.max_curvature * variance.sum(axis=1)
     normal = axes[:, :, 0]
@@ -55,17 +64,21 @@ def keep_alike(
 
     Args:
         neighbours: (M, 26) int32 voxel ids, -1 for none; the new voxels have the last M ids.
-        normal: (M, E) int16 of the new voxels, the normal first, as ``clustering.quantise`` stores it; 0 if rough.
+        normal: (M, E) int16 of the new voxels, the normal first, as ``clustering.quantise`` stores
+            it; 0 if rough.
         known: (V - M, E) int16 of the voxels before.
         rgb: (V, 3) uint8 colours.
         settings: What is alike.
 
     Returns:
-        (M, 26) int32: -1 for neighbours that are not alike, too. A smooth voxel joins smooth ones that face the same
-        way in the same colour; a rough one joins the one neighbour whose colour is nearest, if that is near.
+        (M, 26) int32: -1 for neighbours that are not alike, too. A smooth voxel joins smooth ones
+        that face the same way in the same colour; a rough one joins the one neighbour whose colour
+        is nearest, if that is near.
     """
     least_cosine = np.cos(np.deg2rad(settings.max_angle_deg))
-    kept: NDArray[np.int32] = _keep_alike(neighbours, normal, known, rgb, least_cosine, settings.max_colour)
+    kept: NDArray[np.int32] = _keep_alike(
+        neighbours, normal, known, rgb, least_cosine, settings.max_colour
+    )
     return kept
 
 
@@ -90,7 +103,9 @@ def _spread(
                     covariance[i, a, b] += offset[a] * offset[b]
         for a in range(3):
             for b in range(a + 1):
-                covariance[i, a, b] = (covariance[i, a, b] - mean[a] * mean[b] / count[i]) / count[i]
+                covariance[i, a, b] = (covariance[i, a, b] - mean[a] * mean[b] / count[i]) / count[
+                    i
+                ]
                 covariance[i, b, a] = covariance[i, a, b]
     return count, covariance
 
@@ -143,3 +158,49 @@ def _keep_alike(
         if nearest != _NONE:
             kept[i, nearest] = neighbours[i, nearest]
     return kept
+
+
+class RegionGrower:
+    """Region growing by normals and colour (table II): objects without classes, without learning.
+
+    Args:
+        growing: Which neighbours are alike.
+        settings: Batch size and similarity mean nothing here.
+
+    Attributes:
+        settings: As given.
+        classes: None.
+        similarity: Any: who is alike is decided before.
+        precision: ``fp32``.
+    """
+
+    def __init__(self, growing: RegionGrowingSettings, settings: SegmentSettings) -> None:
+        self.settings = settings
+        self.classes: tuple[str, ...] = ()
+        self.similarity = ANY
+        self.precision: Precision = "fp32"
+        self._growing = growing
+
+    def label(
+        self,
+        voxel_map: VoxelMap,
+        ids: NDArray[np.int32],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> VoxelLabels:
+        """Find the normals of voxels, which take the first places of the embedding; see ``NetworkLabeller.label``."""
+        embedding = np.zeros((len(ids), EMBEDDING), np.float32)
+        embedding[:, :3] = estimate_normals(voxel_map, ids, position, self._growing)
+        unknown = np.full(len(ids), UNKNOWN, np.uint8)
+        return VoxelLabels(unknown, np.zeros(len(ids), np.float32), quantise(embedding))
+
+    def partners(
+        self,
+        voxel_map: VoxelMap,
+        new: NDArray[np.int32],
+        embedding: NDArray[np.int16],
+        known: NDArray[np.int16],
+    ) -> NDArray[np.int32]:
+        """Give the neighbours of new voxels that are alike; see ``NetworkLabeller.partners``."""
+        return keep_alike(voxel_map.neighbours(new), embedding, known, voxel_map.rgb, self._growing)

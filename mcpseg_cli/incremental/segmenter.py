@@ -11,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.formats.cloud import Labels
-from mcpseg_cli.incremental.classification import make_labeller
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.incremental.methods import make_labeller
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
-from mcpseg_cli.scan import Scan, colour_of, near_robot
-from mcpseg_cli.segment.checkpoint import MapRows
+from mcpseg_cli.scan import Labels, Scan, colour_of, near_robot
 
 
 @dataclass(frozen=True)
@@ -54,11 +53,13 @@ class IncrementalSegmenter:
     """A growing labelled map, fed one scan at a time.
 
     Args:
-        method: What labels: a network with its weights, or region growing, which gives objects without classes.
-        settings: Everything else that decides the labels; batch size and similarity, where not given, are the network's
-            own. A network without embedding joins neighbours of one class (IV-B), whatever the similarity.
-        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to; ``auto`` is bf16
-            where the processor computes it natively.
+        method: What labels: a network with its weights, or region growing, which gives objects
+            without classes.
+        settings: Everything else that decides the labels; batch size and similarity, where not
+            given, are the network's own. A network without embedding joins neighbours of one class
+            (IV-B), whatever the similarity.
+        precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
+            ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
 
     Raises:
@@ -86,7 +87,9 @@ class IncrementalSegmenter:
         self._floor: float | None = None
 
     @classmethod
-    def load(cls, weights: str = DEFAULT_WEIGHTS, settings: SegmentSettings | None = None) -> IncrementalSegmenter:
+    def load(
+        cls, weights: str = DEFAULT_WEIGHTS, settings: SegmentSettings | None = None
+    ) -> IncrementalSegmenter:
         """Make a segmenter from a weights file or the name of bundled weights.
 
         Raises:
@@ -108,7 +111,8 @@ class IncrementalSegmenter:
         """Label a scan and grow the map by it (III-E). Earlier labels change only where objects merge.
 
         Args:
-            scan: Points in the map frame; points farther than ``local_range`` from the robot are left for later.
+            scan: Points in the map frame; points farther than ``local_range`` from the robot are
+                left for later.
 
         Returns:
             What changed. The scan's number, with the seed, decides every random choice.
@@ -123,7 +127,9 @@ class IncrementalSegmenter:
         num_seen = _count_distinct(point_ids[near & (point_ids < first_new)])
         clock.lap("insert")
         if len(near_xyz := scan.xyz[near]):
-            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
+            self._floor = find_floor(
+                self.settings.floor, self.map, scan.position, near_xyz, self._floor
+            )
         clock.lap("floor")
         found = self.labeller.label(self.map, new, scan.position, self._floor or 0.0, rng)
         self._semantic.append(found.semantic)
@@ -134,7 +140,15 @@ class IncrementalSegmenter:
         clock.lap("cluster")
         self.num_scans += 1
         return ScanUpdate(
-            self.num_scans - 1, point_ids, first_new, len(new), num_seen, merges, changed, self._floor, clock.ms
+            self.num_scans - 1,
+            point_ids,
+            first_new,
+            len(new),
+            num_seen,
+            merges,
+            changed,
+            self._floor,
+            clock.ms,
         )
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
@@ -166,11 +180,21 @@ class IncrementalSegmenter:
     def rows(self, start: int = 0) -> MapRows:
         """Give the map's rows from voxel ``start`` on. Views, valid until the next scan."""
         return MapRows(
-            self.map.xyz[start:], self.map.rgb[start:], self.semantic[start:], self.confidence[start:],
-            self.clusters.instance[start:], self.clusters.embedding[start:],
-        )  # fmt: skip
+            self.map.xyz[start:],
+            self.map.rgb[start:],
+            self.semantic[start:],
+            self.confidence[start:],
+            self.clusters.instance[start:],
+            self.clusters.embedding[start:],
+        )
 
-    def restore(self, parts: Iterable[MapRows], merges: NDArray[np.int32], num_scans: int, floor: float | None) -> None:
+    def restore(
+        self,
+        parts: Iterable[MapRows],
+        merges: NDArray[np.int32],
+        num_scans: int,
+        floor: float | None,
+    ) -> None:
         """Put a new segmenter where an earlier one was after ``num_scans`` scans.
 
         Args:

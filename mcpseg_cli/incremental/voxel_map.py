@@ -1,7 +1,8 @@
 """The global look-up table (III-B): 0.1 m voxels, one point each, found by a hash of blocks of 4 x 4 x 4 voxels.
 
-Looking up a window of voxels costs a few hash probes for its blocks and then plain array reads, so nothing here depends
-on how large the map is. Blocks after Niessner et al., Real-time 3D Reconstruction at Scale using Voxel Hashing, 2013.
+Looking up a window of voxels costs a few hash probes for its blocks and then plain array reads, so
+nothing here depends on how large the map is. Blocks after Niessner et al., Real-time 3D
+Reconstruction at Scale using Voxel Hashing, 2013.
 """
 
 import numpy as np
@@ -14,7 +15,9 @@ from mcpseg_cli.incremental.column import RESERVED_ROWS, Column
 
 _EMPTY = -1
 _BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
-_RESERVED_BLOCKS = RESERVED_ROWS // 8  # surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
+_RESERVED_BLOCKS = (
+    RESERVED_ROWS // 8
+)  # surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
 _FIRST_KEYS = 1 << 12
 _CELLS_REACH = 3  # cells from a point to its context points (III-B)
 NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
@@ -34,7 +37,9 @@ class VoxelMap:
         self.voxel_size = voxel_size
         self._xyz = Column(np.float32, 3)
         self._rgb = Column(np.uint8, 3)
-        self._block_ids = np.zeros((_RESERVED_BLOCKS, 64), np.int32)  # id + 1, 0 for none: untouched memory is zero
+        self._block_ids = np.zeros(
+            (_RESERVED_BLOCKS, 64), np.int32
+        )  # id + 1, 0 for none: untouched memory is zero
         self._num_blocks = 0
         self._keys = np.full(_FIRST_KEYS, _EMPTY, np.int64)
         self._slots = np.empty(_FIRST_KEYS, np.int32)
@@ -64,8 +69,8 @@ class VoxelMap:
             rgb: (N, 3) uint8.
 
         Returns:
-            (N,) int32: the id of the voxel each point falls into. New voxels have the ids from the old length on, in
-            the order their first points come.
+            (N,) int32: the id of the voxel each point falls into. New voxels have the ids from the
+            old length on, in the order their first points come.
         """
         voxel = voxel_of(xyz, self.voxel_size)
         ids = np.empty(len(xyz), np.int32)
@@ -73,7 +78,9 @@ class VoxelMap:
         done = num_new = 0
         while done < len(xyz):
             progress = (done, num_new, self._num_blocks)
-            done, num_new, self._num_blocks = _insert_points(voxel, len(self), progress, self._blocks, ids, first_point)
+            done, num_new, self._num_blocks = _insert_points(
+                voxel, len(self), progress, self._blocks, ids, first_point
+            )
             if done < len(xyz):
                 self._grow()
         chosen = first_point[:num_new]
@@ -102,8 +109,8 @@ class VoxelMap:
             reach: R, cells.
 
         Returns:
-            (M, (2R + 1)³ - 1) int32 ids in a fixed order of directions, -1 where there is no voxel; (M, 26) for one
-            cell.
+            (M, (2R + 1)³ - 1) int32 ids in a fixed order of directions, -1 where there is no voxel;
+            (M, 26) for one cell.
         """
         voxel = voxel_of(self.xyz[ids], self.voxel_size)
         cubes = _gather_cubes(voxel - np.int32(reach), 2 * reach + 1, self._blocks)
@@ -117,8 +124,8 @@ class VoxelMap:
         Args:
             ids: (M,) int32 voxel ids.
             window: Which voxels are candidates; a voxel always is its own.
-            uniform: (M, K) float32 random numbers in [0, 1), one for each context point to draw: without replacement,
-                unless there are fewer candidates than K.
+            uniform: (M, K) float32 random numbers in [0, 1), one for each context point to draw:
+                without replacement, unless there are fewer candidates than K.
 
         Returns:
             (M, K) int32 voxel ids.
@@ -165,7 +172,9 @@ class VoxelMap:
         self._keys, self._slots = keys, slots
 
 
-def context_window(voxel: NDArray[np.int32], window: ContextWindow) -> tuple[NDArray[np.int32], int]:
+def context_window(
+    voxel: NDArray[np.int32], window: ContextWindow
+) -> tuple[NDArray[np.int32], int]:
     """Give the box of voxels that context points may come from.
 
     Args:
@@ -173,8 +182,9 @@ def context_window(voxel: NDArray[np.int32], window: ContextWindow) -> tuple[NDA
         window: ``cells`` or ``coarse``.
 
     Returns:
-        (M, 3) int32 lowest voxel of each box, and its width in voxels. The coarse cells are three voxels wide and the
-        rounding rule makes their borders voxel borders, so that the 27 of them are a box of 9 voxels.
+        (M, 3) int32 lowest voxel of each box, and its width in voxels. The coarse cells are three
+        voxels wide and the rounding rule makes their borders voxel borders, so that the 27 of them
+        are a box of 9 voxels.
     """
     if window == "cells":
         return voxel - np.int32(_CELLS_REACH), 2 * _CELLS_REACH + 1
@@ -186,7 +196,9 @@ def context_window(voxel: NDArray[np.int32], window: ContextWindow) -> tuple[NDA
 def _key(bx: int, by: int, bz: int) -> int:
     """Pack block indices into 63 bits."""
     bias = np.int64(_BLOCK_BIAS)
-    return int(((np.int64(bx) + bias) << 42) | ((np.int64(by) + bias) << 21) | (np.int64(bz) + bias))
+    return int(
+        ((np.int64(bx) + bias) << 42) | ((np.int64(by) + bias) << 21) | (np.int64(bz) + bias)
+    )
 
 
 @njit(cache=True)
@@ -248,7 +260,10 @@ def _insert_points(
 
 @njit(cache=True)
 def _rehash(
-    old_keys: NDArray[np.int64], old_slots: NDArray[np.int32], keys: NDArray[np.int64], slots: NDArray[np.int32]
+    old_keys: NDArray[np.int64],
+    old_slots: NDArray[np.int32],
+    keys: NDArray[np.int64],
+    slots: NDArray[np.int32],
 ) -> None:
     for i in range(old_keys.size):
         if old_keys[i] != _EMPTY:
@@ -269,7 +284,9 @@ def _find_voxels(voxel: NDArray[np.int32], blocks: Blocks) -> NDArray[np.int32]:
 
 
 @njit(cache=True)
-def _gather_box(low: NDArray[np.int32], shape: NDArray[np.int32], blocks: Blocks) -> NDArray[np.int32]:
+def _gather_box(
+    low: NDArray[np.int32], shape: NDArray[np.int32], blocks: Blocks
+) -> NDArray[np.int32]:
     """Read a box of voxels block by block; the grid is filled with -1 elsewhere."""
     grid = np.full((shape[0], shape[1], shape[2]), _EMPTY, np.int32)
     high = low + shape
@@ -282,7 +299,9 @@ def _gather_box(low: NDArray[np.int32], shape: NDArray[np.int32], blocks: Blocks
                 for x in range(max(low[0], bx << 2), min(high[0], (bx + 1) << 2)):
                     for y in range(max(low[1], by << 2), min(high[1], (by + 1) << 2)):
                         for z in range(max(low[2], bz << 2), min(high[2], (bz + 1) << 2)):
-                            grid[x - low[0], y - low[1], z - low[2]] = blocks[2][block, _cell(x, y, z)] - 1
+                            grid[x - low[0], y - low[1], z - low[2]] = (
+                                blocks[2][block, _cell(x, y, z)] - 1
+                            )
     return grid
 
 

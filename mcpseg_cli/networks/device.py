@@ -1,7 +1,12 @@
 """Where networks run."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 import torch
 
+from mcpseg_cli.config import Precision
 from mcpseg_cli.errors import McpsegError
 
 
@@ -24,3 +29,30 @@ def find_device(name: str) -> torch.device:
         raise McpsegError(
             f"--device {name}: not available here; expected cpu or a device torch knows; use cpu"
         ) from error
+
+
+@contextmanager
+def one_thread_per_operation() -> Iterator[None]:
+    """Keep torch from splitting single operations among cores: the workers share whole tiles instead."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
+    """Replace ``auto`` by what this machine does best: bf16 where it is native, else fp32."""
+    if precision != "auto":
+        return precision
+    return "bf16" if device == "cpu" and _cpu_has_bf16() else "fp32"
+
+
+def _cpu_has_bf16() -> bool:
+    """Tell whether the processor multiplies bfloat16 natively (AMX or AVX512-BF16), as Linux reports it."""
+    try:
+        flags = Path("/proc/cpuinfo").read_text().split()
+    except OSError:
+        return False
+    return "avx512_bf16" in flags or "amx_bf16" in flags

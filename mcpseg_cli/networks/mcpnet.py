@@ -15,7 +15,8 @@ class MCPNet(Network):
 
     Args:
         num_classes: C, classes to tell apart.
-        needs_context: Whether it pools context points (table I, "Proposed + MCP" against "Proposed").
+        needs_context: Whether it pools context points (table I, "Proposed + MCP" against
+            "Proposed").
     """
 
     has_embedding = True
@@ -36,8 +37,9 @@ class MCPNet(Network):
     def pool_context(self, context: Tensor) -> Tensor:
         """Multi-view context pooling: two layers on every context point, then the maximum over each centre's points.
 
-        A maximum commutes with ReLU, which therefore follows it, exactly. Each of the N x K points has 200 features on
-        the way: on a processor, give few enough centres at a time that these stay in its cache.
+        A maximum commutes with ReLU, which therefore follows it, exactly. Each of the N x K points
+        has 200 features on the way: on a processor, give few enough centres at a time that these
+        stay in its cache.
 
         Args:
             context: (N, K, 6) or (B, N, K, 6).
@@ -46,11 +48,18 @@ class MCPNet(Network):
             (N, 200) or (B, N, 200) float32.
         """
         if torch.is_grad_enabled() and context.device.type == "cpu" and context.dim() == 3:
-            layers = (self.context_1.weight, self.context_1.bias, self.context_2.weight, self.context_2.bias)
+            layers = (
+                self.context_1.weight,
+                self.context_1.bias,
+                self.context_2.weight,
+                self.context_2.bias,
+            )
             maxima: Tensor = PoolContext.apply(context, *layers)  # type: ignore[no-untyped-call]
             return maxima
         points = context.reshape(-1, NUM_FEATURES)  # (N·K, 6)
-        points = points.to_mkldnn() if self._pools_in_onednn else points.to(self.context_1.weight.dtype)
+        points = (
+            points.to_mkldnn() if self._pools_in_onednn else points.to(self.context_1.weight.dtype)
+        )
         points = self.context_2(self.context_1(points).relu_())  # (N·K, 200)
         points = points.to_dense() if self._pools_in_onednn else points
         pooled: Tensor = points.view(*context.shape[:-1], -1).amax(dim=-2)
@@ -61,11 +70,12 @@ class MCPNet(Network):
 
         Args:
             centre: (N, 6) or (B, N, 6).
-            pooled: (N, 200) or (B, N, 200) from ``pool_context``; None for a network without context.
+            pooled: (N, 200) or (B, N, 200) from ``pool_context``; None for a network without
+                context.
 
         Returns:
-            (..., N, E) unit embedding and (..., N, C) class logits. The class branch sees how each point differs from
-            the maximum over this batch, so the batch is part of the result.
+            (..., N, E) unit embedding and (..., N, C) class logits. The class branch sees how each
+            point differs from the maximum over this batch, so the batch is part of the result.
         """
         joined = centre if pooled is None else torch.cat([centre, pooled], dim=-1)  # (N, 206)
         features = functional.relu(self.features(joined))  # (N, 200)
@@ -78,8 +88,9 @@ class MCPNet(Network):
         """Make context pooling, nine tenths of the work and more, fast for inference; the rest stays as it is.
 
         Args:
-            precision: ``bf16``, or ``fp32``: then, on a processor, through oneDNN, whose products of this shape took
-                half the time of torch's default (MKL) on the AMD processor this was measured on.
+            precision: ``bf16``, or ``fp32``: then, on a processor, through oneDNN, whose products
+                of this shape took half the time of torch's default (MKL) on the AMD processor this
+                was measured on.
         """
         if not self.needs_context:
             return

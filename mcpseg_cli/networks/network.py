@@ -12,9 +12,10 @@ class Network(nn.Module):
 
     Attributes:
         needs_context: Whether it pools context points; then ``forward`` must be given them.
-        has_embedding: Whether it embeds points for clustering; if not, objects are neighbours of one class (IV-B).
-        batch_size: N, points per batch in the paper's experiments. What a network says about a point depends on the
-            other points of its batch.
+        has_embedding: Whether it embeds points for clustering; if not, objects are neighbours of
+            one class (IV-B).
+        batch_size: N, points per batch in the paper's experiments. What a network says about a
+            point depends on the other points of its batch.
         similarity: beta, the cosine similarity above which neighbours are one object (IV-B).
     """
 
@@ -23,15 +24,19 @@ class Network(nn.Module):
     batch_size: int = BASELINE_BATCH
     similarity: float = SIMILARITY
 
-    def forward(self, centre: Tensor, context: Tensor | None = None) -> tuple[Tensor | None, Tensor]:
+    def forward(
+        self, centre: Tensor, context: Tensor | None = None
+    ) -> tuple[Tensor | None, Tensor]:
         """Embed and classify one batch, or several batches that do not see each other.
 
         Args:
             centre: (N, 6) or (B, N, 6) points around the robot, from ``context.network_input``.
-            context: (N, K, 6) or (B, N, K, 6) context points relative to them; None for a network without context.
+            context: (N, K, 6) or (B, N, K, 6) context points relative to them; None for a network
+                without context.
 
         Returns:
-            (N, E) or (B, N, E) unit embedding, None for a network without; (N, C) or (B, N, C) class logits.
+            (N, E) or (B, N, E) unit embedding, None for a network without; (N, C) or (B, N, C)
+            class logits.
         """
         return self.label(centre, None if context is None else self.pool_context(context))
 
@@ -73,4 +78,6 @@ def initialise(layer: nn.Module) -> None:
 
 def perceptron(*widths: int) -> nn.Sequential:
     """Stack linear layers of these widths, a ReLU after each; every point goes through on its own."""
-    return nn.Sequential(*[layer for pair in pairwise(widths) for layer in (nn.Linear(*pair), nn.ReLU())])
+    return nn.Sequential(
+        *[layer for pair in pairwise(widths) for layer in (nn.Linear(*pair), nn.ReLU())]
+    )

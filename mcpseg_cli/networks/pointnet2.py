@@ -1,8 +1,9 @@
 """PointNet++ with single-scale grouping (Qi et al. 2017, NIPS), for the class of every point (table I).
 
-Levels, radii and layers as in the MCPNet authors' program, each layer half as wide as there. That program gives the
-layers relative positions only; here every point also has its six features, colour and height over the floor among them.
-Where it takes the first points by index, here the nearest are taken: the order of points does not matter.
+Levels, radii and layers as in the MCPNet authors' program, each layer half as wide as there. That
+program gives the layers relative positions only; here every point also has its six features, colour
+and height over the floor among them. Where it takes the first points by index, here the nearest are
+taken: the order of points does not matter.
 """
 
 import torch
@@ -18,7 +19,12 @@ _LEVELS = (  # points kept, radius in metres, widths
     (64, 0.4, (64, 64, 128)),
     (16, 0.8, (128, 128, 256)),
 )
-_UPWARD = ((64, 64, 64), (128, 64), (128, 128), (128, 128))  # widths of the way back, to each level from the next
+_UPWARD = (
+    (64, 64, 64),
+    (128, 64),
+    (128, 128),
+    (128, 128),
+)  # widths of the way back, to each level from the next
 _NEIGHBOURS = 32  # most points that a group has
 _HIDDEN = 64
 
@@ -34,13 +40,20 @@ class PointNet2(Network):
         super().__init__()
         widths = [NUM_FEATURES, *[level[-1] for *_, level in _LEVELS]]
         self.abstract = nn.ModuleList(
-            perceptron(_XYZ + width, *level) for width, (*_, level) in zip(widths, _LEVELS, strict=False)
+            perceptron(_XYZ + width, *level)
+            for width, (*_, level) in zip(widths, _LEVELS, strict=False)
         )
-        coarse = [*[level[-1] for level in _UPWARD[1:]], widths[-1]]  # what comes from the level below
+        coarse = [
+            *[level[-1] for level in _UPWARD[1:]],
+            widths[-1],
+        ]  # what comes from the level below
         self.propagate = nn.ModuleList(
-            perceptron(below + own, *level) for below, own, level in zip(coarse, widths, _UPWARD, strict=False)
+            perceptron(below + own, *level)
+            for below, own, level in zip(coarse, widths, _UPWARD, strict=False)
         )
-        self.classify = nn.Sequential(nn.Linear(_UPWARD[0][-1], _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, num_classes))
+        self.classify = nn.Sequential(
+            nn.Linear(_UPWARD[0][-1], _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, num_classes)
+        )
         self.apply(initialise)
 
     def label(self, centre: Tensor, pooled: Tensor | None = None) -> tuple[None, Tensor]:
@@ -52,7 +65,9 @@ class PointNet2(Network):
             kept = gather(xyz, farthest_points(xyz, count))
             group = ball(xyz, kept, radius)  # (B, M, K)
             offset = gather(xyz, group) - kept[:, :, None]
-            levels.append((kept, layers(torch.cat([offset, gather(features, group)], dim=-1)).amax(dim=2)))
+            levels.append(
+                (kept, layers(torch.cat([offset, gather(features, group)], dim=-1)).amax(dim=2))
+            )
         coarse_xyz, features = levels.pop()
         for layers in reversed(self.propagate):
             xyz, own = levels.pop()
@@ -97,7 +112,9 @@ def ball(xyz: Tensor, centres: Tensor, radius: float) -> Tensor:
     Returns:
         (B, M, min(32, N)) int64 indices; the nearest point stands for those that are too far.
     """
-    distance, index = _distance(centres, xyz).topk(min(_NEIGHBOURS, xyz.shape[1]), dim=-1, largest=False)
+    distance, index = _distance(centres, xyz).topk(
+        min(_NEIGHBOURS, xyz.shape[1]), dim=-1, largest=False
+    )
     return torch.where(distance <= radius, index, index[..., :1])
 
 
@@ -112,7 +129,9 @@ def interpolate(xyz: Tensor, coarse_xyz: Tensor, features: Tensor) -> Tensor:
     Returns:
         (B, N, F).
     """
-    distance, index = _distance(xyz, coarse_xyz).topk(min(3, coarse_xyz.shape[1]), dim=-1, largest=False)
+    distance, index = _distance(xyz, coarse_xyz).topk(
+        min(3, coarse_xyz.shape[1]), dim=-1, largest=False
+    )
     weight = 1 / distance.square().clamp(min=1e-10)
     weight = weight / weight.sum(dim=-1, keepdim=True)  # (B, N, 3)
     return (gather(features, index) * weight[..., None]).sum(dim=2)

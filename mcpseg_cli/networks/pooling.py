@@ -1,7 +1,8 @@
 """Context pooling (III-B) for training on a processor, with a backward pass that follows only the maxima.
 
-Each of a centre's 200 pooled features comes from one of its 50 context points, so at most 200 of the 50 x 200 entries
-of the second layer have a gradient. Two of the three large products of a training step shrink to a fiftieth.
+Each of a centre's 200 pooled features comes from one of its 50 context points, so at most 200 of
+the 50 x 200 entries of the second layer have a gradient. Two of the three large products of a
+training step shrink to a fiftieth.
 """
 
 import numpy as np
@@ -43,7 +44,9 @@ class PoolContext(torch.autograd.Function):
         return pooled
 
     @staticmethod
-    def backward(ctx: BackwardCFunction, gradient: Tensor) -> tuple[None, Tensor, Tensor, Tensor, Tensor]:
+    def backward(
+        ctx: BackwardCFunction, gradient: Tensor
+    ) -> tuple[None, Tensor, Tensor, Tensor, Tensor]:
         """Return the gradients of the four parameters, from (N, F); context points get none."""
         saved: tuple[Tensor, ...] = ctx.saved_tensors
         context, hidden, weight_2, pooled, farthest = saved
@@ -55,11 +58,19 @@ class PoolContext(torch.autograd.Function):
             of_hidden.numpy(), of_weight_2.numpy(),
         )  # fmt: skip
         of_hidden = of_hidden.flatten(0, 1)  # (N·K, F)
-        return None, of_hidden.T @ context.flatten(0, 1), of_hidden.sum(dim=0), of_weight_2, gradient.sum(dim=0)
+        return (
+            None,
+            of_hidden.T @ context.flatten(0, 1),
+            of_hidden.sum(dim=0),
+            of_weight_2,
+            gradient.sum(dim=0),
+        )
 
 
 @njit(cache=True, nogil=True)
-def _maxima(points: NDArray[np.float32], largest: NDArray[np.float32], farthest: NDArray[np.int32]) -> None:
+def _maxima(
+    points: NDArray[np.float32], largest: NDArray[np.float32], farthest: NDArray[np.int32]
+) -> None:
     """Take the maximum over K of (N, K, F) and which of the K it is, the first of equals."""
     for n in range(points.shape[0]):
         for f in range(points.shape[2]):

@@ -1,7 +1,8 @@
 """SGPN, similarity group proposal network (Wang et al. 2018), on PointNet features (tables I and II).
 
-Its objects are clustered like MCPNet's, by the cosine similarity of its similarity features, as in the paper (IV-B).
-These have as many dimensions as MCPNet's embedding, so that the same map holds them.
+Its objects are clustered like MCPNet's, by the cosine similarity of its similarity features, as in
+the paper (IV-B). These have as many dimensions as MCPNet's embedding, so that the same map holds
+them.
 """
 
 from torch import Tensor, nn
@@ -29,7 +30,9 @@ class SGPN(Network):
         width = JOINT_WIDTHS[-1]
         self.features = PointFeatures()
         self.embed = perceptron(width, EMBEDDING)
-        self.classify = nn.Sequential(nn.Linear(width, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, num_classes))
+        self.classify = nn.Sequential(
+            nn.Linear(width, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, num_classes)
+        )
         self.confide = nn.Sequential(nn.Linear(width, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, 1))
         self.apply(initialise)
 
@@ -40,9 +43,9 @@ class SGPN(Network):
             centre: (N, 6) or (B, N, 6).
 
         Returns:
-            (..., N, E) similarity features, not normalised: their squared distances fill the similarity matrix.
-            (..., N, C) class logits.
-            (..., N) confidence: the overlap expected of a point's group with its object, 0 to 1.
+            (..., N, E) similarity features, not normalised: their squared distances fill the
+            similarity matrix. (..., N, C) class logits. (..., N) confidence: the overlap expected
+            of a point's group with its object, 0 to 1.
         """
         features = self.features(centre)
         return self.embed(features), self.classify(features), self.confide(features).squeeze(-1)

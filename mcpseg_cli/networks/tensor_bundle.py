@@ -1,7 +1,8 @@
 """TensorFlow checkpoints (TensorBundle files) read without TensorFlow, and the MCPNet authors' weights in them.
 
-The index is an uncompressed LevelDB table whose values are BundleEntry protocol buffers; the data file holds raw
-little-endian tensors. Sources: LevelDB doc/table_format.md; TensorFlow core/protobuf/tensor_bundle.proto.
+The index is an uncompressed LevelDB table whose values are BundleEntry protocol buffers; the data
+file holds raw little-endian tensors. Sources: LevelDB doc/table_format.md; TensorFlow
+core/protobuf/tensor_bundle.proto.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ _FLOAT32 = 1  # DT_FLOAT
 _MCPNET = {1: "context_1", 2: "context_2", 3: "features", 4: "embed", 5: "hidden", 6: "classify"}
 _LAYERS: dict[Architecture, dict[int, str]] = {
     "mcpnet": _MCPNET,
-    "mcpnet-nocontext": {number: layer for number, layer in _MCPNET.items() if not layer.startswith("context")},
+    "mcpnet-nocontext": {
+        number: layer for number, layer in _MCPNET.items() if not layer.startswith("context")
+    },
     "voxnet": {1: "convolve_1", 2: "convolve_2", 3: "hidden", 4: "classify"},
 }
 
@@ -72,11 +75,18 @@ def import_checkpoint(prefix: Path) -> tuple[Network, WeightsInfo]:
             assert layer.bias is not None
             kernel, bias = kernels.get(f"kernel{number}"), tensors.get(f"bias{number}")
             expected = tuple(layer.weight.shape)
-            if kernel is None or bias is None or kernel.shape != expected or bias.shape != expected[:1]:
+            if (
+                kernel is None
+                or bias is None
+                or kernel.shape != expected
+                or bias.shape != expected[:1]
+            ):
                 found = f"kernel{number} {'missing' if kernel is None else kernel.shape}"
                 owner = "VoxNet" if info.architecture == "voxnet" else "MCPNet"
                 remedy = "import a checkpoint of MCPNet or VoxNet (the authors' other baselines are wider than ours)"
-                raise WeightsError(prefix, found, f"{expected} with its bias, as {owner} has", remedy)
+                raise WeightsError(
+                    prefix, found, f"{expected} with its bias, as {owner} has", remedy
+                )
             layer.weight.copy_(torch.from_numpy(kernel))
             layer.bias.copy_(torch.from_numpy(bias.copy()))
     return network.eval(), info
@@ -112,7 +122,9 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
         WeightsError: A file is missing, damaged or not a TensorBundle.
     """
     if not prefix.name:
-        raise WeightsError(str(prefix), "a folder", "a checkpoint's name", "give the name before .index")
+        raise WeightsError(
+            str(prefix), "a folder", "a checkpoint's name", "give the name before .index"
+        )
     index_path, data_path = (
         prefix.with_name(f"{prefix.name}.index"),
         prefix.with_name(f"{prefix.name}.data-00000-of-00001"),
@@ -120,7 +132,10 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
     for path in (index_path, data_path):
         if not path.is_file():
             raise WeightsError(
-                prefix, f"no {path.name}", f"{index_path.name} and {data_path.name}", "give the name they share"
+                prefix,
+                f"no {path.name}",
+                f"{index_path.name} and {data_path.name}",
+                "give the name they share",
             )
     index, data = index_path.read_bytes(), data_path.read_bytes()
     tensors = {}
@@ -131,10 +146,18 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
                 continue
             count = int(np.prod(entry.shape, dtype=np.int64))
             if entry.shard or entry.size != 4 * count or entry.offset + entry.size > len(data):
-                raise ValueError(f"{name}: {entry.size} bytes at {entry.offset}, file of {len(data)}")
-            tensors[name] = np.frombuffer(data, "<f4", count, entry.offset).reshape(entry.shape).astype(np.float32)
+                raise ValueError(
+                    f"{name}: {entry.size} bytes at {entry.offset}, file of {len(data)}"
+                )
+            tensors[name] = (
+                np.frombuffer(data, "<f4", count, entry.offset)
+                .reshape(entry.shape)
+                .astype(np.float32)
+            )
     except (ValueError, IndexError, struct.error) as error:
-        raise WeightsError(prefix, f"damaged ({error})", "a TensorFlow checkpoint", "copy both files again") from error
+        raise WeightsError(
+            prefix, f"damaged ({error})", "a TensorFlow checkpoint", "copy both files again"
+        ) from error
     return tensors
 
 
@@ -208,7 +231,9 @@ def _entry(message: bytes) -> _Entry:
     for number, value in _fields(message):
         if isinstance(value, bytes):
             if number == 2:
-                entry.shape = [_dimension(part) for _, part in _fields(value) if isinstance(part, bytes)]
+                entry.shape = [
+                    _dimension(part) for _, part in _fields(value) if isinstance(part, bytes)
+                ]
         elif number == 1:
             entry.dtype = value
         elif number == 3:
@@ -221,4 +246,6 @@ def _entry(message: bytes) -> _Entry:
 
 
 def _dimension(message: bytes) -> int:
-    return next((value for number, value in _fields(message) if number == 1 and isinstance(value, int)), 0)
+    return next(
+        (value for number, value in _fields(message) if number == 1 and isinstance(value, int)), 0
+    )

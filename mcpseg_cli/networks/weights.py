@@ -89,7 +89,10 @@ def find_weights(name_or_path: str) -> Path:
             return folder / f"{name_or_path}.safetensors"
     bundled = sorted(file.stem for folder in folders for file in folder.glob("*.safetensors"))
     raise WeightsError(
-        name_or_path, "no such weights", f"a .safetensors file or one of {', '.join(bundled)}", "check the name"
+        name_or_path,
+        "no such weights",
+        f"a .safetensors file or one of {', '.join(bundled)}",
+        "check the name",
     )
 
 
@@ -113,9 +116,16 @@ def load_weights(path: Path) -> Weights:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, ValueError) as error:
         remedy = "import TensorFlow checkpoints with 'mcpseg import-weights'"
-        raise WeightsError(path, f"not readable ({str(error).strip()[:80]})", "a safetensors file", remedy) from error
+        raise WeightsError(
+            path, f"not readable ({str(error).strip()[:80]})", "a safetensors file", remedy
+        ) from error
     if _METADATA not in metadata:
-        raise WeightsError(path, "no mcpseg description", "weights made by mcpseg", "use bundled or imported weights")
+        raise WeightsError(
+            path,
+            "no mcpseg description",
+            "weights made by mcpseg",
+            "use bundled or imported weights",
+        )
     try:
         info = WeightsInfo.model_validate_json(metadata[_METADATA])
         network = build_network(info)
@@ -123,15 +133,23 @@ def load_weights(path: Path) -> Weights:
     except ValidationError as error:
         problem = error.errors()[0]
         found = f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}"
-        raise WeightsError(path, found, "a description this version knows", "update mcpseg") from error
+        raise WeightsError(
+            path, found, "a description this version knows", "update mcpseg"
+        ) from error
     except RuntimeError as error:
         found = str(error).splitlines()[-1].strip()
         raise WeightsError(
-            path, found, f"the tensors of {info.architecture}", "copy the file again, or use weights of this network"
+            path,
+            found,
+            f"the tensors of {info.architecture}",
+            "copy the file again, or use weights of this network",
         ) from error
     if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
         raise WeightsError(
-            path, "NaN or infinite parameters", "finite numbers", "use a checkpoint from before they broke"
+            path,
+            "NaN or infinite parameters",
+            "finite numbers",
+            "use a checkpoint from before they broke",
         )
     return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
 
@@ -144,7 +162,10 @@ def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
         network: Its parameters are written as float32.
         info: What they are.
     """
-    tensors = {name: tensor.detach().float().cpu().contiguous() for name, tensor in network.state_dict().items()}
+    tensors = {
+        name: tensor.detach().float().cpu().contiguous()
+        for name, tensor in network.state_dict().items()
+    }
     partial = path.with_name(path.name + ".part")
     description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
     try:

@@ -18,8 +18,11 @@ from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
 
 _SPACING = 0.4  # metres between places that waypoints are chosen from
 _ANGLE_DEG = 3.0  # between the rays that places are compared with; 5 m away that is 0.26 m
-_SHARE = 0.95  # of what those rays see from all places; the scans on the way between the waypoints see the rest
-_AREA = 2.0  # square metres; a place that shows so much more is a waypoint even so, so that no closet is left out
+# of what those rays see from all places; the scans on the way between the waypoints see the rest
+_SHARE = 0.95
+# square metres; a place that shows so much more is a waypoint even so, so that no closet is left
+# out
+_AREA = 2.0
 _MIN_AREA = 0.1  # square metres; a place that shows less is none
 _THICKNESS = 0.1  # metres over the floor; its points are no higher
 
@@ -36,8 +39,8 @@ def choose_waypoints(
 ) -> NDArray[np.float64]:
     """Choose places in one region of the floor plan that together show what can be seen from it.
 
-    Places are taken greedily, each the one that shows most voxels not seen before (set cover), compared with fewer rays
-    than the scanner has.
+    Places are taken greedily, each the one that shows most voxels not seen before (set cover),
+    compared with fewer rays than the scanner has.
 
     Args:
         grid: The building.
@@ -49,7 +52,8 @@ def choose_waypoints(
         progress: Called with how many of how many places have been looked from.
 
     Returns:
-        (W, 2) float64 centres of free cells, metres, map frame, the one that shows most first; empty for no free cell.
+        (W, 2) float64 centres of free cells, metres, map frame, the one that shows most first;
+        empty for no free cell.
     """
     places = plan.centre_of(_thinned(plan, region))
     origins = np.column_stack([places, plan.floor_at(places) + sensor_height])
@@ -62,7 +66,9 @@ def choose_waypoints(
     views: list[NDArray[np.int32]] = []
     pool = ThreadPoolExecutor(num_threads)
     try:
-        for view in pool.map(lambda origin: visible_voxels(grid, origin, directions, pattern.reach), origins):
+        for view in pool.map(
+            lambda origin: visible_voxels(grid, origin, directions, pattern.reach), origins
+        ):
             views.append(view)
             if progress is not None:
                 progress(len(views), len(origins))
@@ -92,7 +98,9 @@ def _cover(views: list[NDArray[np.int32]], num_voxels: int, voxel_size: float) -
     chosen = []
     while queue:
         number = queue[0][1]
-        gain = int(np.count_nonzero(~is_seen[views[number]]))  # the queue may hold an older, higher one
+        gain = int(
+            np.count_nonzero(~is_seen[views[number]])
+        )  # the queue may hold an older, higher one
         if len(queue) > 1 and (-gain, number) > min(queue[1:3]):
             heapq.heapreplace(queue, (-gain, number))
             continue
@@ -110,10 +118,14 @@ def room_of_cells(building: Building, plan: FloorPlan) -> NDArray[np.int32]:
     starts = building.room_starts
     if starts is None:
         starts = np.array([0, len(building)] if building.rooms else [0], np.int64)
-    return _count_floor(building.xyz, starts, plan.cell_size, plan.low, plan.floor + np.float32(_THICKNESS))
+    return _count_floor(
+        building.xyz, starts, plan.cell_size, plan.low, plan.floor + np.float32(_THICKNESS)
+    )
 
 
-def reached_shares(building: Building, plan: FloorPlan, regions: NDArray[np.int32]) -> dict[str, float]:
+def reached_shares(
+    building: Building, plan: FloorPlan, regions: NDArray[np.int32]
+) -> dict[str, float]:
     """Measure how much of each room's free floor a robot gets to.
 
     Args:
@@ -122,8 +134,8 @@ def reached_shares(building: Building, plan: FloorPlan, regions: NDArray[np.int3
         regions: (G,) int32 numbers of regions of the plan, such as those of a route.
 
     Returns:
-        The share by room, 0-1, in the order of the building; 0 for a room without free floor; empty when the rooms are
-        not known.
+        The share by room, 0-1, in the order of the building; 0 for a room without free floor; empty
+        when the rooms are not known.
     """
     room = room_of_cells(building, plan)
     free = np.bincount(room[plan.free & (room >= 0)], minlength=len(building.rooms))

@@ -49,7 +49,8 @@ class Drive:
     Attributes:
         plan: Where the robot can stand.
         route: Where it drives and scans.
-        reached: Share of its free floor that the robot gets to, by room, in the order of the building.
+        reached: Share of its free floor that the robot gets to, by room, in the order of the
+            building.
     """
 
     plan: FloorPlan
@@ -74,7 +75,9 @@ class Drive:
             "length_m": round(self.route.length, 3),
             "free_area_m2": round(float(self.plan.free.sum()) * self.plan.cell_size**2, 2),
             "unreachable_rooms": self.unreachable,
-            "hardly_reached_rooms": {room: round(share, 3) for room, share in self.hardly_reached.items()},
+            "hardly_reached_rooms": {
+                room: round(share, 3) for room, share in self.hardly_reached.items()
+            },
         }
 
 
@@ -113,18 +116,35 @@ def plan_drive(
     plan = build_floor_plan(building.xyz)
     source = waypoints.source or "the building"
     if not plan.free.any():
-        raise InputError(source, "no free floor", "floor with 1.4 m of free space over it", "is z up, in metres?")
+        raise InputError(
+            source, "no free floor", "floor with 1.4 m of free space over it", "is z up, in metres?"
+        )
     places = waypoints.places
     if places is None:
         places = choose_waypoints(
-            scanner.grid, plan, scanner.pattern, settings.height, num_threads=threads, progress=progress
+            scanner.grid,
+            plan,
+            scanner.pattern,
+            settings.height,
+            num_threads=threads,
+            progress=progress,
         )
         if len(places) == 0:
             remedy = "another --range, --height, --voxel-size or elevation"
-            raise InputError(source, "nothing can be seen from its floor", "surfaces within reach of the rays", remedy)
+            raise InputError(
+                source,
+                "nothing can be seen from its floor",
+                "surfaces within reach of the rays",
+                remedy,
+            )
     route = plan_route(plan, places, settings.step, settings.height)
     if len(route) == 0:
-        raise InputError(source, "no waypoint on free floor", "at least one", "give others, or none for automatic ones")
+        raise InputError(
+            source,
+            "no waypoint on free floor",
+            "at least one",
+            "give others, or none for automatic ones",
+        )
     _check_height(scanner, plan, route)
     reached = reached_shares(building, plan, route.regions)
     return Drive(plan, route, reached)
@@ -133,7 +153,10 @@ def plan_drive(
 def _check_height(scanner: VirtualScanner, plan: FloorPlan, route: Route) -> None:
     """Refuse a scanner that is not between floor and ceiling, but over the ceiling, at most places."""
     down = np.array([[0.0, 0.0, -1.0]])
-    below = [cast_rays(scanner.grid, place, down, scanner.settings.height + 1.0)[0] for place in route.positions]
+    below = [
+        cast_rays(scanner.grid, place, down, scanner.settings.height + 1.0)[0]
+        for place in route.positions
+    ]
     points = scanner.grid.points[np.array(below)]
     height = scanner.building.xyz[points, 2] - plan.floor_at(route.positions[:, :2])
     if np.count_nonzero((np.array(below) >= 0) & (height > 1.4)) > len(route) / 2:

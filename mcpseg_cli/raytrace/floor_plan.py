@@ -17,7 +17,9 @@ MAX_WORDS = 1 << 24
 """Cells times their layers, 6.4 m to a word: 128 MB of them, a building of 800 m x 800 m at 0.2 m."""
 _LAYER = 0.1  # metres, the heights that tell stray points from floors
 _CLIMB = 2  # layers from cell to cell that still are one surface: stairs, ramps, uneven floors
-_MIN_AREA = 4.0  # square metres; a smaller surface below those beside it is a reflection, not a floor
+_MIN_AREA = (
+    4.0  # square metres; a smaller surface below those beside it is a reflection, not a floor
+)
 _CEILING_HEIGHT = 1.8  # metres; a surface that high over a floor ...
 _CEILING_RANGE = 3.0  # ... within so many metres is not one
 _NONE = np.iinfo(np.int32).max  # the layer of a cell without points
@@ -34,7 +36,8 @@ class FloorPlan:
         low: (2,) int64 cell at the plan's corner.
         floor: (X, Y) float32 height of the floor, metres, map frame; NaN where no floor was seen.
         free: (X, Y) bool, cells with a floor and nothing in the robot's way.
-        region: (X, Y) int32, which of the connected parts a free cell belongs to; 1 is the largest, 0 is not free.
+        region: (X, Y) int32, which of the connected parts a free cell belongs to; 1 is the largest,
+            0 is not free.
     """
 
     cell_size: float
@@ -76,20 +79,23 @@ def build_floor_plan(
 ) -> FloorPlan:
     """Find the floor of a building and where a robot can stand on it.
 
-    The height of the floor in a cell is the lowest point in it and its 5 x 5 neighbours. A cell is free when a floor
-    was seen in it and no point lies between ``clearance_low`` and ``clearance_high`` over it. Gaps of two cells in a
-    floor are bridged (S3DIS has no points on some thresholds). Left out are surfaces smaller than 4 square metres below
-    those beside them (reflections) and surfaces 1.8 m over a floor within 3 m (ceilings where the floor is hidden).
+    The height of the floor in a cell is the lowest point in it and its 5 x 5 neighbours. A cell is
+    free when a floor was seen in it and no point lies between ``clearance_low`` and
+    ``clearance_high`` over it. Gaps of two cells in a floor are bridged (S3DIS has no points on
+    some thresholds). Left out are surfaces smaller than 4 square metres below those beside them
+    (reflections) and surfaces 1.8 m over a floor within 3 m (ceilings where the floor is hidden).
 
-    The default robot is a point, as in the paper's program: a cell is 0.2 m wide, door leaves and frames take a cell
-    on each side, and of a door 0.8 m wide a robot of radius 0.2 m may be left no cell at all.
+    The default robot is a point, as in the paper's program: a cell is 0.2 m wide, door leaves and
+    frames take a cell on each side, and of a door 0.8 m wide a robot of radius 0.2 m may be left no
+    cell at all.
 
     Args:
         xyz: (N, 3) float32, metres, map frame, z up; at least one point.
         cell_size: Edge of a cell, metres.
         clearance_low: What the robot can drive over, metres.
         clearance_high: Height of the robot, metres.
-        robot_radius: How far the centre of a free cell is from those of occupied ones at least, metres.
+        robot_radius: How far the centre of a free cell is from those of occupied ones at least,
+            metres.
 
     Returns:
         The plan, with a margin of two cells; it may have no free cell.
@@ -107,7 +113,9 @@ def build_floor_plan(
     ground = _window_minimum(lowest, 2 * round(_CEILING_RANGE / cell_size) + 1)
     seen = (lowest <= floor + np.float32(clearance_low)) & (lowest < ground + _CEILING_HEIGHT)
     blocked = np.zeros(shape[:2], np.bool_)
-    _mark_blocked(xyz, cell_size, low, np.array([clearance_low, clearance_high], np.float32), floor, blocked)
+    _mark_blocked(
+        xyz, cell_size, low, np.array([clearance_low, clearance_high], np.float32), floor, blocked
+    )
     bridged = ndimage.binary_closing(seen, np.ones((3, 3)))
     free = _reachable(bridged & ~blocked, seen)
     if robot_radius > 0.0:
@@ -116,23 +124,34 @@ def build_floor_plan(
     return FloorPlan(cell_size, low, np.where(known, floor, np.float32(np.nan)), free, _label(free))
 
 
-def _extent(xyz: NDArray[np.float32], cell_size: float) -> tuple[NDArray[np.int64], int, tuple[int, int, int]]:
+def _extent(
+    xyz: NDArray[np.float32], cell_size: float
+) -> tuple[NDArray[np.int64], int, tuple[int, int, int]]:
     """Return the cell (2,) at the corner, the lowest layer, and the shape: cells with a margin, words of layers."""
     bounds = np.stack([xyz.min(axis=0), xyz.max(axis=0)]).astype(np.float64)
-    corners = np.floor(bounds[:, :2] / cell_size + 0.5).astype(np.int64) + np.array([[-_MARGIN], [_MARGIN]])
+    corners = np.floor(bounds[:, :2] / cell_size + 0.5).astype(np.int64) + np.array(
+        [[-_MARGIN], [_MARGIN]]
+    )
     low_layer, high_layer = (int(layer) for layer in np.floor(bounds[:, 2] / _LAYER))
     width, depth = (int(size) for size in corners[1] - corners[0] + 1)
     shape = (width, depth, ((high_layer - low_layer) >> 6) + 1)
     if shape[0] * shape[1] * shape[2] > MAX_WORDS:
         extent = " x ".join(f"{size:,.0f}" for size in bounds[1] - bounds[0])
         expected = f"at most {MAX_WORDS:,} cells"
-        raise InputError("the building", f"{extent} m in cells of {cell_size:g} m", expected, "remove stray points")
+        raise InputError(
+            "the building",
+            f"{extent} m in cells of {cell_size:g} m",
+            expected,
+            "remove stray points",
+        )
     return corners[0], low_layer, shape
 
 
 def _window_minimum(heights: NDArray[np.float32], window: int) -> NDArray[np.float32]:
     """Return the lowest height of the window x window cells around each cell."""
-    lowest: NDArray[np.float32] = ndimage.minimum_filter(heights, window, mode="constant", cval=np.inf)
+    lowest: NDArray[np.float32] = ndimage.minimum_filter(
+        heights, window, mode="constant", cval=np.inf
+    )
     return lowest
 
 
@@ -161,7 +180,9 @@ def _without_strays(layers: NDArray[np.uint64], cell_size: float) -> NDArray[np.
     while True:
         size = _surface_sizes(lowest)
         large = size >= min(_MIN_AREA / cell_size**2, size.max() / 2)
-        beside = ndimage.minimum_filter(np.where(large, lowest, _NONE), _WINDOW, mode="constant", cval=_NONE)
+        beside = ndimage.minimum_filter(
+            np.where(large, lowest, _NONE), _WINDOW, mode="constant", cval=_NONE
+        )
         stray = ~large & (beside < _NONE) & (lowest < beside - _CLIMB)
         if not stray.any():
             break
@@ -178,7 +199,9 @@ def _surface_sizes(layer: NDArray[np.int32]) -> NDArray[np.int64]:
         together &= np.abs(np.where(together, layer[here] - layer[there], 0)) <= _CLIMB
         edges.append(np.stack([index[here][together], index[there][together]]))
     rows, columns = np.concatenate(edges, axis=1)
-    graph = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(layer.size, layer.size))
+    graph = coo_array(
+        (np.ones(len(rows), np.bool_), (rows, columns)), shape=(layer.size, layer.size)
+    )
     surface = connected_components(graph, directed=False)[1]
     sizes: NDArray[np.int64] = np.bincount(surface)[surface].reshape(layer.shape)
     return np.where(layer < _NONE, sizes, 0)
@@ -199,7 +222,11 @@ def _cell(value: float, cell_size: float) -> int:
 
 @njit(cache=True, nogil=True)
 def _mark_layers(
-    xyz: NDArray[np.float32], cell_size: float, low: NDArray[np.int64], low_layer: int, layers: NDArray[np.uint64]
+    xyz: NDArray[np.float32],
+    cell_size: float,
+    low: NDArray[np.int64],
+    low_layer: int,
+    layers: NDArray[np.uint64],
 ) -> None:
     """Set a bit for each layer of a cell that holds points."""
     for row in range(len(xyz)):

@@ -20,16 +20,18 @@ _CHUNK = 1 << 20  # points voxelised at once
 class OccupancyGrid:
     """Which voxels of a building hold points, and which point stands for each.
 
-    A voxel is occupied where its bit in ``masks`` is set. Occupied voxels are numbered block after block, bit after
-    bit: the number of one is ``ranks`` of its block plus the bits set before its own.
+    A voxel is occupied where its bit in ``masks`` is set. Occupied voxels are numbered block after
+    block, bit after bit: the number of one is ``ranks`` of its block plus the bits set before its
+    own.
 
     Attributes:
         voxel_size: Edge of a voxel, metres.
         low: (3,) int64 voxel at the corner of block (0, 0, 0), a multiple of 4.
-        masks: (X, Y, Z) uint64, a bit per voxel of each block; bit ``16 x + 4 y + z`` for the voxel (x, y, z) in it.
+        masks: (X, Y, Z) uint64, a bit per voxel of each block; bit ``16 x + 4 y + z`` for the voxel
+            (x, y, z) in it.
         ranks: (X, Y, Z) int32, number of occupied voxels in all blocks before.
-        gaps: (4 X, 4 Y, 4 Z) uint8, voxels (steps of a king) from each to the nearest occupied one, 0 for occupied
-            ones, at most 255: rays leap by it.
+        gaps: (4 X, 4 Y, 4 Z) uint8, voxels (steps of a king) from each to the nearest occupied one,
+            0 for occupied ones, at most 255: rays leap by it.
         points: (V,) int64, for each occupied voxel the point of the building that stands for it.
     """
 
@@ -103,7 +105,9 @@ def _mark(voxel: NDArray[np.int32], low: NDArray[np.int64], masks: NDArray[np.ui
 def _bits(mask: np.uint64) -> int:
     """Count the bits that are set."""
     mask = mask - ((mask >> np.uint64(1)) & np.uint64(0x5555555555555555))
-    mask = (mask & np.uint64(0x3333333333333333)) + ((mask >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    mask = (mask & np.uint64(0x3333333333333333)) + (
+        (mask >> np.uint64(2)) & np.uint64(0x3333333333333333)
+    )
     mask = (mask + (mask >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
     return int((mask * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
@@ -122,26 +126,37 @@ def _count(masks: NDArray[np.uint64]) -> NDArray[np.int32]:
 
 
 @njit(cache=True, nogil=True)
-def _look_up(voxel: NDArray[np.int64], masks: NDArray[np.uint64], ranks: NDArray[np.int32]) -> NDArray[np.int32]:
+def _look_up(
+    voxel: NDArray[np.int64], masks: NDArray[np.uint64], ranks: NDArray[np.int32]
+) -> NDArray[np.int32]:
     """Return the number of each voxel, given from the grid's corner; -1 where it is empty or outside."""
     ids = np.full(len(voxel), -1, np.int32)
     for row in range(len(voxel)):
         x, y, z = voxel[row, 0], voxel[row, 1], voxel[row, 2]
-        if 0 <= x < 4 * masks.shape[0] and 0 <= y < 4 * masks.shape[1] and 0 <= z < 4 * masks.shape[2]:
+        if (
+            0 <= x < 4 * masks.shape[0]
+            and 0 <= y < 4 * masks.shape[1]
+            and 0 <= z < 4 * masks.shape[2]
+        ):
             ids[row] = _number(x, y, z, masks, ranks)
     return ids
 
 
 @njit(cache=True, nogil=True)
 def _look_up_cells(
-    cells: NDArray[np.int64], size: tuple[int, int, int], masks: NDArray[np.uint64], ranks: NDArray[np.int32]
+    cells: NDArray[np.int64],
+    size: tuple[int, int, int],
+    masks: NDArray[np.uint64],
+    ranks: NDArray[np.int32],
 ) -> NDArray[np.int32]:
     """Return the number of each voxel, given by its place in a grid of ``size``; -1 for -1."""
     ids = np.full(len(cells), -1, np.int32)
     for row in range(len(cells)):
         cell = cells[row]
         if cell >= 0:
-            ids[row] = _number(cell // (size[1] * size[2]), cell // size[2] % size[1], cell % size[2], masks, ranks)
+            ids[row] = _number(
+                cell // (size[1] * size[2]), cell // size[2] % size[1], cell % size[2], masks, ranks
+            )
     return ids
 
 
@@ -151,7 +166,9 @@ def _number(x: int, y: int, z: int, masks: NDArray[np.uint64], ranks: NDArray[np
     mask = masks[x >> 2, y >> 2, z >> 2]
     bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
     if (mask >> bit) & np.uint64(1):
-        return int(ranks[x >> 2, y >> 2, z >> 2] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1))))
+        return int(
+            ranks[x >> 2, y >> 2, z >> 2] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1)))
+        )
     return -1
 
 
@@ -193,7 +210,11 @@ def _least_gap(gaps: NDArray[np.uint8], x: int, y: int, z: int, side: int) -> in
 
 @njit(cache=True, nogil=True)
 def _choose(
-    ids: NDArray[np.int32], first: int, seed: np.uint64, draws: NDArray[np.uint64], points: NDArray[np.int64]
+    ids: NDArray[np.int32],
+    first: int,
+    seed: np.uint64,
+    draws: NDArray[np.uint64],
+    points: NDArray[np.int64],
 ) -> None:
     """Let the point with the highest draw stand for its voxel (SplitMix64 of the seed and the point's place)."""
     for row in range(len(ids)):

@@ -20,7 +20,8 @@ class ScanPattern:
         horizontal_deg: Horizontal angle between rays, degrees.
         vertical_deg: Vertical angle between rays, degrees.
         lowest_deg: Elevation of the lowest ray; -90 is straight down.
-        highest_deg: Elevation that the rays stay below (the highest ray of a full sphere is at 89 degrees).
+        highest_deg: Elevation that the rays stay below (the highest ray of a full sphere is at 89
+            degrees).
         reach: Farthest a ray goes, metres.
     """
 
@@ -33,8 +34,12 @@ class ScanPattern:
     def directions(self) -> NDArray[np.float64]:
         """Return the (R, 3) float64 unit directions of the rays, azimuth after azimuth from +x towards +y."""
         azimuth = np.radians(np.arange(0.0, 360.0 - 1e-9, self.horizontal_deg))
-        elevation = np.radians(np.arange(self.lowest_deg, self.highest_deg - 1e-9, self.vertical_deg))
-        azimuth, elevation = (grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij"))
+        elevation = np.radians(
+            np.arange(self.lowest_deg, self.highest_deg - 1e-9, self.vertical_deg)
+        )
+        azimuth, elevation = (
+            grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")
+        )
         flat = np.cos(elevation)
         return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=1)
 
@@ -49,18 +54,21 @@ def cast_rays(
 ) -> NDArray[np.int32]:
     """Follow rays until they enter an occupied voxel; none on the way is left out (Amanatides and Woo, 1987).
 
-    The voxel the rays start in does not stop them, so that a sensor may stand inside an occupied one.
+    The voxel the rays start in does not stop them, so that a sensor may stand inside an occupied
+    one.
 
     Args:
         grid: The building.
         origin: (3,) float64, where the rays start, metres, map frame.
         directions: (R, 3) float64 unit vectors.
-        reach: Farthest a ray goes, metres; a voxel counts when the ray enters it no farther than that.
+        reach: Farthest a ray goes, metres; a voxel counts when the ray enters it no farther than
+            that.
         pool: Threads to share the rays among; None casts them in this thread.
         num_threads: Parts the rays are split into when there is a pool.
 
     Returns:
-        (R,) int32 number of the voxel each ray ends in, -1 for none; the same for any number of threads.
+        (R,) int32 number of the voxel each ray ends in, -1 for none; the same for any number of
+        threads.
     """
     start = origin / grid.voxel_size + 0.5 - grid.low  # voxel v spans [v, v + 1) here
     longest = reach / grid.voxel_size
@@ -68,7 +76,9 @@ def cast_rays(
     if pool is None or num_threads == 1:
         _cast(start, directions, longest, grid.gaps, cells)
     else:
-        parts = zip(np.array_split(directions, num_threads), np.array_split(cells, num_threads), strict=True)
+        parts = zip(
+            np.array_split(directions, num_threads), np.array_split(cells, num_threads), strict=True
+        )
         list(pool.map(lambda part: _cast(start, part[0], longest, grid.gaps, part[1]), parts))
     return grid.ids_of_cells(cells)
 
@@ -106,7 +116,8 @@ def _cast(
 ) -> None:
     """Walk every ray to the first voxel without gap: in leaps through free space, face by face near surfaces.
 
-    Lengths are in voxels and places from the grid's corner; ``hits`` gets the voxel's place in ``gaps``, -1 for none.
+    Lengths are in voxels and places from the grid's corner; ``hits`` gets the voxel's place in
+    ``gaps``, -1 for none.
     """
     flat = gaps.ravel()
     num_x, num_y, num_z = gaps.shape
@@ -121,7 +132,11 @@ def _cast(
                 if gap == 0 and not is_start:
                     hits[ray] = (x * num_y + y) * num_z + z
                     break
-            elif _is_leaving(x, toward_x, num_x) or _is_leaving(y, toward_y, num_y) or _is_leaving(z, toward_z, num_z):
+            elif (
+                _is_leaving(x, toward_x, num_x)
+                or _is_leaving(y, toward_y, num_y)
+                or _is_leaving(z, toward_z, num_z)
+            ):
                 break
             else:
                 gap = 1

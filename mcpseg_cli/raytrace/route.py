@@ -15,7 +15,8 @@ from scipy.sparse.csgraph import dijkstra
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.raytrace.floor_plan import FloorPlan
 
-_STARTS = 30  # orders that 2-opt improves: nearest neighbour after nearest neighbour from so many waypoints
+# orders that 2-opt improves: nearest neighbour after nearest neighbour from so many waypoints
+_STARTS = 30
 _TINY = 1e-9  # metres; keeps rounding from adding or losing a scan
 
 
@@ -24,13 +25,15 @@ class Route:
     """A drive through a building: one segment in each region of the floor plan that has waypoints.
 
     Attributes:
-        positions: (S, 3) float64 where the sensor scans, metres, map frame, in the order of driving.
+        positions: (S, 3) float64 where the sensor scans, metres, map frame, in the order of
+            driving.
         poses: (S, 4, 4) float64 sensor to map; x is the direction of travel, z is up.
         path: (P, 2) float64 corners of the way, metres, map frame, segment after segment.
         waypoints: (W, 2) float64 what was visited, in that order: centres of cells.
         skipped: (K, 2) float64 waypoints, as given, that are not in free space.
         regions: (G,) int32 region of the floor plan that each segment is driven in.
-        scan_starts: (G + 1,) int64; segment ``g`` has the positions from ``scan_starts[g]`` to ``scan_starts[g + 1]``.
+        scan_starts: (G + 1,) int64; segment ``g`` has the positions from ``scan_starts[g]`` to
+            ``scan_starts[g + 1]``.
         path_starts: (G + 1,) int64, the same for ``path``.
     """
 
@@ -57,8 +60,8 @@ def read_waypoints(path: Path) -> NDArray[np.float64]:
     """Read waypoints from a text file such as the paper's program has: ``x y`` on each line.
 
     Args:
-        path: Numbers are separated by spaces, tabs or commas; columns after the second are ignored, as are empty lines,
-            what follows a ``#``, and a first line ``x y``.
+        path: Numbers are separated by spaces, tabs or commas; columns after the second are ignored,
+            as are empty lines, what follows a ``#``, and a first line ``x y``.
 
     Returns:
         (W, 2) float64, metres, map frame; at least one.
@@ -80,26 +83,37 @@ def read_waypoints(path: Path) -> NDArray[np.float64]:
             x = y = np.nan
         if not np.isfinite([x, y]).all():
             raise InputError(
-                f"{path}, line {number}", f"{line.strip()[:40]!r}", "x and y in metres", "correct the line"
+                f"{path}, line {number}",
+                f"{line.strip()[:40]!r}",
+                "x and y in metres",
+                "correct the line",
             )
         waypoints.append((x, y))
     if not waypoints:
-        raise InputError(path, "no waypoints", "a line 'x y' in metres for each", "add some or leave the file out")
+        raise InputError(
+            path,
+            "no waypoints",
+            "a line 'x y' in metres for each",
+            "add some or leave the file out",
+        )
     return np.array(waypoints, np.float64)
 
 
-def plan_route(plan: FloorPlan, waypoints: NDArray[np.float64], step: float = 0.2, sensor_height: float = 1.0) -> Route:
+def plan_route(
+    plan: FloorPlan, waypoints: NDArray[np.float64], step: float = 0.2, sensor_height: float = 1.0
+) -> Route:
     """Plan the shortest drive past waypoints and a scan every ``step`` metres on it (paper III-A).
 
-    Waypoints move to the centre of their cell; several in one cell are one. The order is the best of several that 2-opt
-    finds; between two of them the robot takes the shortest way over the 8 neighbours of cells and never cuts the corner
-    of an occupied one. A place passed twice is scanned twice. Regions that are not connected are driven one after the
-    other, the largest first.
+    Waypoints move to the centre of their cell; several in one cell are one. The order is the best
+    of several that 2-opt finds; between two of them the robot takes the shortest way over the 8
+    neighbours of cells and never cuts the corner of an occupied one. A place passed twice is
+    scanned twice. Regions that are not connected are driven one after the other, the largest first.
 
     Args:
         plan: Where the robot can stand.
         waypoints: (W, 2) float64, metres, map frame.
-        step: Metres from scan to scan along the way, across corners; each segment starts with a scan.
+        step: Metres from scan to scan along the way, across corners; each segment starts with a
+            scan.
         sensor_height: Height of the sensor over the floor, metres.
 
     Returns:
@@ -129,7 +143,9 @@ def plan_route(plan: FloorPlan, waypoints: NDArray[np.float64], step: float = 0.
     )
 
 
-def _drive(plan: FloorPlan, region: int, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _drive(
+    plan: FloorPlan, region: int, cells: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the cells (W, 2) of one region in visiting order, and the corners (P, 2) of the way past them."""
     inside = np.argwhere(plan.region == region)
     index = np.full(plan.region.shape, -1)
@@ -161,7 +177,10 @@ def _graph(index: NDArray[np.int64], count: int) -> csr_array:
     nodes = np.argwhere(padded >= 0)
     for move in ((1, 0), (0, 1), (1, 1), (1, -1)):
         target = padded[tuple((nodes + move).T)]
-        beside = padded[nodes[:, 0] + move[0], nodes[:, 1]], padded[nodes[:, 0], nodes[:, 1] + move[1]]
+        beside = (
+            padded[nodes[:, 0] + move[0], nodes[:, 1]],
+            padded[nodes[:, 0], nodes[:, 1] + move[1]],
+        )
         possible = (target >= 0) & (beside[0] >= 0) & (beside[1] >= 0)
         starts.append(np.flatnonzero(possible))
         ends.append(target[possible])
@@ -178,10 +197,13 @@ def visiting_order(distance: NDArray[np.float64]) -> NDArray[np.int64]:
         distance: (W, W) float64 from each place to each other, symmetric, finite.
 
     Returns:
-        (W,) int64; no longer than the nearest-neighbour order from the first place. Empty for no place.
+        (W,) int64; no longer than the nearest-neighbour order from the first place. Empty for no
+        place.
     """
     best, shortest = np.arange(len(distance)), np.inf
-    for start in np.unique(np.linspace(0, len(distance) - 1, min(len(distance), _STARTS)).astype(int)):
+    for start in np.unique(
+        np.linspace(0, len(distance) - 1, min(len(distance), _STARTS)).astype(int)
+    ):
         order = _nearest_neighbours(distance, start)
         _two_opt(distance, order)
         length = distance[order[:-1], order[1:]].sum()
@@ -202,7 +224,9 @@ def _nearest_neighbours(distance: NDArray[np.float64], start: int) -> NDArray[np
         is_visited[here] = True
         nearest = -1
         for there in range(count):
-            if not is_visited[there] and (nearest < 0 or distance[here, there] < distance[here, nearest]):
+            if not is_visited[there] and (
+                nearest < 0 or distance[here, there] < distance[here, nearest]
+            ):
                 nearest = there
         here = nearest
     return order
@@ -229,12 +253,16 @@ def _two_opt(distance: NDArray[np.float64], order: NDArray[np.int64]) -> None:
                     has_improved = True
 
 
-def _scans(plan: FloorPlan, path: NDArray[np.float64], step: float, sensor_height: float) -> NDArray[np.float64]:
+def _scans(
+    plan: FloorPlan, path: NDArray[np.float64], step: float, sensor_height: float
+) -> NDArray[np.float64]:
     """Return the (S, 4, 4) poses every ``step`` metres along a polyline (P, 2)."""
     moves = np.diff(path, axis=0, append=path[-1:])
     arrival = np.concatenate([[0.0], np.cumsum(np.linalg.norm(moves[:-1], axis=1))])
     along = step * np.arange(int(arrival[-1] / step + _TINY) + 1)
-    place = np.clip(np.searchsorted(arrival, along + _TINY, side="right") - 1, 0, max(0, len(path) - 2))
+    place = np.clip(
+        np.searchsorted(arrival, along + _TINY, side="right") - 1, 0, max(0, len(path) - 2)
+    )
     yaw = np.arctan2(moves[place, 1], moves[place, 0])
     poses = np.tile(np.eye(4), (len(along), 1, 1))
     poses[:, 0, 0] = poses[:, 1, 1] = np.cos(yaw)

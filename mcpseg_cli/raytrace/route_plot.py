@@ -42,10 +42,17 @@ def plot_route(path: Path, plan: FloorPlan, route: Route, building: Building | N
             f"{path}: no matplotlib to draw it with; expected the extra 'plot'; run: pip install 'mcpseg[plot]'"
         ) from error
     shown = np.argwhere(np.isfinite(plan.floor))
-    corners = plan.centre_of(np.array([shown.min(axis=0) - 2, shown.max(axis=0) + 2])) if len(shown) else np.eye(2)
+    corners = (
+        plan.centre_of(np.array([shown.min(axis=0) - 2, shown.max(axis=0) + 2]))
+        if len(shown)
+        else np.eye(2)
+    )
     size = np.ptp(corners, axis=0)
     scale = min(14.0 / size[0], 11.0 / size[1])
-    figure = Figure(figsize=(max(7.0, size[0] * scale + 1.8), max(5.0, size[1] * scale + 1.2)), layout="constrained")
+    figure = Figure(
+        figsize=(max(7.0, size[0] * scale + 1.8), max(5.0, size[1] * scale + 1.2)),
+        layout="constrained",
+    )
     axes = figure.add_subplot()
     _draw_plan(axes, plan, route.regions if len(route.regions) else np.ones(1, np.int32))
     _draw_route(axes, route, scale)
@@ -69,10 +76,23 @@ def _draw_plan(axes: Axes, plan: FloorPlan, regions: NDArray[np.int32]) -> None:
     kind[np.isin(plan.region, regions)] = 3
     low, high = plan.centre_of(np.array([[0, 0], plan.free.shape])) - plan.cell_size / 2
     colours = ListedColormap([_UNKNOWN, _OCCUPIED, _CUT_OFF, _FREE])
-    axes.imshow(kind.T, cmap=colours, vmin=-0.5, vmax=3.5, origin="lower", extent=(low[0], high[0], low[1], high[1]))
+    axes.imshow(
+        kind.T,
+        cmap=colours,
+        vmin=-0.5,
+        vmax=3.5,
+        origin="lower",
+        extent=(low[0], high[0], low[1], high[1]),
+    )
     names = enumerate(["no floor seen", "occupied", "free, not reached", "free"])
-    patches = [Patch(fc=colours(i), ec="#6b7280", lw=0.5, label=name) for i, name in names if (kind == i).any()]
-    axes.figure.legend(handles=patches, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    patches = [
+        Patch(fc=colours(i), ec="#6b7280", lw=0.5, label=name)
+        for i, name in names
+        if (kind == i).any()
+    ]
+    axes.figure.legend(
+        handles=patches, loc="outside lower center", ncols=4, fontsize=8, frameon=False
+    )
 
 
 def _draw_route(axes: Axes, route: Route, scale: float) -> None:
@@ -81,24 +101,52 @@ def _draw_route(axes: Axes, route: Route, scale: float) -> None:
 
     shape = "viridis"
     lines = [
-        np.stack([part[:-1], part[1:]], axis=1) for part in np.split(route.path, route.path_starts[1:-1]) if len(part)
+        np.stack([part[:-1], part[1:]], axis=1)
+        for part in np.split(route.path, route.path_starts[1:-1])
+        if len(part)
     ]
     moves = np.concatenate([np.empty((0, 2, 2)), *lines])
     along = np.cumsum(np.linalg.norm(moves[:, 1] - moves[:, 0], axis=1))
-    way = LineCollection(list(moves), array=along, cmap=shape, linewidths=1.6, zorder=2, capstyle="round")
+    way = LineCollection(
+        list(moves), array=along, cmap=shape, linewidths=1.6, zorder=2, capstyle="round"
+    )
     axes.add_collection(way)
     if len(along):
         axes.figure.colorbar(way, ax=axes, label="metres driven", shrink=0.6, aspect=30, pad=0.01)
-    axes.scatter(route.positions[:, 0], route.positions[:, 1], s=4.0, c="#111827", linewidths=0, zorder=3)
+    axes.scatter(
+        route.positions[:, 0], route.positions[:, 1], s=4.0, c="#111827", linewidths=0, zorder=3
+    )
     dot, font = (70.0, 6.0) if scale > 0.3 else (36.0, 4.5)
     dot = dot if len(route.waypoints) <= _MOST_NUMBERS else 9.0
     axes.scatter(
-        route.waypoints[:, 0], route.waypoints[:, 1], s=dot, c="white", edgecolors="#c2410c", linewidths=0.8, zorder=4
+        route.waypoints[:, 0],
+        route.waypoints[:, 1],
+        s=dot,
+        c="white",
+        edgecolors="#c2410c",
+        linewidths=0.8,
+        zorder=4,
     )
     numbered = route.waypoints if len(route.waypoints) <= _MOST_NUMBERS else ()
     for number, place in enumerate(numbered, 1):
-        axes.annotate(str(number), tuple(place), ha="center", va="center", fontsize=font, color="#9a3412", zorder=5)
-    axes.scatter(route.skipped[:, 0], route.skipped[:, 1], s=dot, c="#dc2626", marker="x", linewidths=1.2, zorder=5)
+        axes.annotate(
+            str(number),
+            tuple(place),
+            ha="center",
+            va="center",
+            fontsize=font,
+            color="#9a3412",
+            zorder=5,
+        )
+    axes.scatter(
+        route.skipped[:, 0],
+        route.skipped[:, 1],
+        s=dot,
+        c="#dc2626",
+        marker="x",
+        linewidths=1.2,
+        zorder=5,
+    )
 
 
 def _name_rooms(axes: Axes, plan: FloorPlan, building: Building, scale: float) -> None:
@@ -111,8 +159,12 @@ def _name_rooms(axes: Axes, plan: FloorPlan, building: Building, scale: float) -
         cells = np.argwhere(rooms == number)
         if len(cells):
             x, y = plan.centre_of(_middle(cells)[None])[0]
-            text = axes.text(x, y, name, ha="center", va="center", fontsize=9 if scale > 0.3 else 7, zorder=6)
-            text.set(parse_math=False, color="#1e3a8a", weight="bold", alpha=0.9, path_effects=outline)
+            text = axes.text(
+                x, y, name, ha="center", va="center", fontsize=9 if scale > 0.3 else 7, zorder=6
+            )
+            text.set(
+                parse_math=False, color="#1e3a8a", weight="bold", alpha=0.9, path_effects=outline
+            )
 
 
 def _middle(cells: NDArray[np.int64]) -> NDArray[np.int64]:

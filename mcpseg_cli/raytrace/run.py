@@ -18,8 +18,8 @@ from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
-from mcpseg_cli.formats.whole import write_whole
 from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table
+from mcpseg_cli.resumable import write_whole
 
 _FORMAT = 1  # of the folder; another number is another run
 _IDENTITY = ("format", "building", "settings", "suffix", "waypoints")
@@ -64,7 +64,9 @@ class RaytraceRun:
         OutputError: The folder holds another run, or files that no run made.
     """
 
-    def __init__(self, folder: Path, building: Building, request: RaytraceRequest, *, overwrite: bool = False) -> None:
+    def __init__(
+        self, folder: Path, building: Building, request: RaytraceRequest, *, overwrite: bool = False
+    ) -> None:
         self.folder = folder
         self.request = request
         self._identity = {
@@ -76,7 +78,9 @@ class RaytraceRun:
         }
         self.record = _read_record(folder)
         _check_folder(folder, self.record, None if overwrite else self._identity)
-        self.poses = None if overwrite or self.record is None else _read_own_poses(folder, self.record)
+        self.poses = (
+            None if overwrite or self.record is None else _read_own_poses(folder, self.record)
+        )
         self.scanner = VirtualScanner(building, request.settings)
         self._seen = np.zeros(len(self.scanner.grid), bool)
 
@@ -100,13 +104,26 @@ class RaytraceRun:
         """
         sees = np.array([self.scanner.sees_anything(pose[:3, 3]) for pose in poses], bool)
         if not sees.any():
-            raise OutputError(f"{self.folder}: nothing can be seen; expected another --range, --height or --v-min")
+            raise OutputError(
+                f"{self.folder}: nothing can be seen; expected another --range, --height or --v-min"
+            )
         _clear(self.folder, self.record)
         for name in ("scans", "gt"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         text = poses_table(poses[sees])
-        self.record = {"mcpseg": __version__, "source": self.request.source, **self._identity, "route": route}
-        self._write_record({"blind_positions": int((~sees).sum()), "poses": _hash(text.encode()), "complete": False})
+        self.record = {
+            "mcpseg": __version__,
+            "source": self.request.source,
+            **self._identity,
+            "route": route,
+        }
+        self._write_record(
+            {
+                "blind_positions": int((~sees).sum()),
+                "poses": _hash(text.encode()),
+                "complete": False,
+            }
+        )
         write_whole(self.folder / "poses.csv", text)
         self.poses = read_poses(self.folder / "poses.csv")
 
@@ -145,11 +162,15 @@ class RaytraceRun:
         """Tell whether a scan has been written; a power cut may leave files without content."""
         return all(path.is_file() and path.stat().st_size > 0 for path in self._files(name))
 
-    def _make(self, name: str, position: NDArray[np.float64]) -> tuple[WrittenScan, NDArray[np.int32]]:
+    def _make(
+        self, name: str, position: NDArray[np.float64]
+    ) -> tuple[WrittenScan, NDArray[np.int32]]:
         """Scan from one place and write what is not there yet."""
         scan = self.scanner.scan(int(name), position)
         if not self._is_there(name):
-            for path, cloud in zip(self._files(name), reversed(self.scanner.clouds(scan)), strict=True):
+            for path, cloud in zip(
+                self._files(name), reversed(self.scanner.clouds(scan)), strict=True
+            ):
                 write_cloud(path, cloud)
         return WrittenScan(name, len(scan.points)), scan.voxels
 
@@ -161,20 +182,24 @@ class RaytraceRun:
         per_class = np.bincount(building.semantic[seen], minlength=256)
         ids, counts = np.unique(building.instance[seen], return_counts=True)
         per_object = dict(zip(ids.tolist(), counts.tolist(), strict=True))
-        self._write_record({
-            "complete": True,
-            "classes": list(building.classes),
-            "scans": len(self.poses),
-            "points": num_points,
-            "voxels": len(grid),
-            "voxels_seen": len(seen),
-            "voxels_seen_by_class": {name: int(per_class[index]) for index, name in enumerate(building.classes)},
-            "objects_seen": int((ids > 0).sum()),
-            "objects": [
-                {"id": number, "name": name, "voxels_seen": per_object.get(number, 0)}
-                for number, name in enumerate(building.object_names, start=1)
-            ],
-        })  # fmt: skip
+        self._write_record(
+            {
+                "complete": True,
+                "classes": list(building.classes),
+                "scans": len(self.poses),
+                "points": num_points,
+                "voxels": len(grid),
+                "voxels_seen": len(seen),
+                "voxels_seen_by_class": {
+                    name: int(per_class[index]) for index, name in enumerate(building.classes)
+                },
+                "objects_seen": int((ids > 0).sum()),
+                "objects": [
+                    {"id": number, "name": name, "voxels_seen": per_object.get(number, 0)}
+                    for number, name in enumerate(building.object_names, start=1)
+                ],
+            }
+        )
 
     def _write_record(self, facts: dict[str, object]) -> None:
         """Write raytrace.json."""
@@ -186,7 +211,10 @@ class RaytraceRun:
 def building_hash(building: Building) -> str:
     """Return a hash of every point and label of a building."""
     columns = (building.xyz, building.rgb, building.semantic, building.instance)
-    return _hash(*(np.ascontiguousarray(column).data for column in columns), ",".join(building.classes).encode())
+    return _hash(
+        *(np.ascontiguousarray(column).data for column in columns),
+        ",".join(building.classes).encode(),
+    )
 
 
 def _hash(*parts: bytes | memoryview) -> str:
@@ -205,18 +233,26 @@ def _read_record(folder: Path) -> dict[str, object] | None:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         record = None
-    if not isinstance(record, dict) or any(key not in record for key in (*_IDENTITY, "route", "poses", "complete")):
-        raise OutputError(f"{path}: not the record of a run; expected one; choose another -o, or move it away")
+    if not isinstance(record, dict) or any(
+        key not in record for key in (*_IDENTITY, "route", "poses", "complete")
+    ):
+        raise OutputError(
+            f"{path}: not the record of a run; expected one; choose another -o, or move it away"
+        )
     return record
 
 
 def _read_own_poses(folder: Path, record: dict[str, object]) -> PoseTable | None:
     """Read poses.csv if it is what the run wrote; None asks for it to be planned anew."""
     path = folder / "poses.csv"
-    return read_poses(path) if path.is_file() and _hash(path.read_bytes()) == record["poses"] else None
+    return (
+        read_poses(path) if path.is_file() and _hash(path.read_bytes()) == record["poses"] else None
+    )
 
 
-def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict[str, object] | None) -> None:
+def _check_folder(
+    folder: Path, record: dict[str, object] | None, identity: dict[str, object] | None
+) -> None:
     """Refuse a folder that holds clouds that no run made, or another run unless there is nothing to compare it with."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file; expected a folder; choose another -o")
@@ -237,13 +273,19 @@ def _check_folder(folder: Path, record: dict[str, object] | None, identity: dict
         )
 
 
-def _differences(record: dict[str, object], identity: dict[str, object], changed: list[str]) -> list[str]:
+def _differences(
+    record: dict[str, object], identity: dict[str, object], changed: list[str]
+) -> list[str]:
     """Name what differs, settings one by one."""
     names = []
     for key in changed:
         before, now = record[key], identity[key]
         if key == "settings" and isinstance(before, dict) and isinstance(now, dict):
-            names += [f"{name} ({before.get(name)}, not {now[name]})" for name in now if before.get(name) != now[name]]
+            names += [
+                f"{name} ({before.get(name)}, not {now[name]})"
+                for name in now
+                if before.get(name) != now[name]
+            ]
         else:
             names.append(key)
     return names
@@ -262,4 +304,8 @@ def _clear(folder: Path, record: dict[str, object] | None) -> None:
 
 def _clouds(folder: Path) -> list[Path]:
     """List the cloud files of a folder, which need not exist."""
-    return [path for path in folder.glob("*") if path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "."]
+    return [
+        path
+        for path in folder.glob("*")
+        if path.suffix.lower() in CLOUD_SUFFIXES and path.name[0] != "."
+    ]

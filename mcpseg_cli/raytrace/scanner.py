@@ -23,7 +23,8 @@ class VirtualScan:
     Attributes:
         voxels: (N,) int32 numbers of the grid's voxels, ascending, each once.
         points: (N,) int64 points of the building.
-        xyz: (N, 3) float32, metres, map frame: the building's own coordinates; with noise, moved along the ray.
+        xyz: (N, 3) float32, metres, map frame: the building's own coordinates; with noise, moved
+            along the ray.
     """
 
     voxels: NDArray[np.int32]
@@ -53,8 +54,8 @@ class VirtualScanner:
         """Scan from one place.
 
         Args:
-            number: Number of the scan; with the seed it decides noise and drop-out, so that scans may be made in any
-                order.
+            number: Number of the scan; with the seed it decides noise and drop-out, so that scans
+                may be made in any order.
             position: (3,) float64, metres, map frame.
 
         Returns:
@@ -78,12 +79,15 @@ class VirtualScanner:
         """Tell whether a scan from a place, (3,) float64 metres, map frame, would have a point."""
         few = self._directions[:: max(1, len(self._directions) // 4000)]
         return any(
-            (cast_rays(self.grid, position, rays, self.settings.reach) >= 0).any() for rays in (few, self._directions)
+            (cast_rays(self.grid, position, rays, self.settings.reach) >= 0).any()
+            for rays in (few, self._directions)
         )
 
     def clouds(self, scan: VirtualScan) -> tuple[Cloud, Cloud]:
         """Return a scan as two clouds of the same points: ``x y z red green blue``, and with the truth about them."""
-        columns: dict[str, NDArray[np.generic]] = {axis: scan.xyz[:, column] for column, axis in enumerate("xyz")}
+        columns: dict[str, NDArray[np.generic]] = {
+            axis: scan.xyz[:, column] for column, axis in enumerate("xyz")
+        }
         rgb = self.building.rgb[scan.points]
         columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
         truth: dict[str, NDArray[np.generic]] = {
@@ -96,7 +100,11 @@ class VirtualScanner:
 def pattern_of(settings: RaytraceSettings) -> ScanPattern:
     """Return the directions and reach that settings describe."""
     return ScanPattern(
-        settings.horizontal_deg, settings.vertical_deg, settings.lowest_deg, settings.highest_deg, settings.reach
+        settings.horizontal_deg,
+        settings.vertical_deg,
+        settings.lowest_deg,
+        settings.highest_deg,
+        settings.reach,
     )
 
 
@@ -106,5 +114,7 @@ def poses_table(poses: NDArray[np.float64]) -> str:
     rows = [POSE_COLUMNS]
     for number, (pose, angle) in enumerate(zip(poses, yaw.tolist(), strict=True)):
         x, y, z = pose[:3, 3].tolist()
-        rows.append(f"{number:06d},{x:.6f},{y:.6f},{z:.6f},0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}")
+        rows.append(
+            f"{number:06d},{x:.6f},{y:.6f},{z:.6f},0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
+        )
     return "\n".join(rows) + "\n"

@@ -1,7 +1,7 @@
 """The durable checkpoint: one SQLite database, one transaction per scan. What it holds is the truth of a run.
 
-A voxel is written once, with the scan that first saw it; merges are a log. So a transaction is as large as the scan's
-changes, and the labels of any earlier moment can be rebuilt.
+A voxel is written once, with the scan that first saw it; merges are a log. So a transaction is as
+large as the scan's changes, and the labels of any earlier moment can be rebuilt.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import EMBEDDING
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.incremental.clustering import resolve
+from mcpseg_cli.incremental.map_rows import _COLUMNS, MapRows
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 SCHEMA_VERSION = 1
 _APPLICATION_ID = 0x6D637073  # "mcps"
@@ -36,75 +36,6 @@ CREATE TABLE voxels (
     first_id INTEGER PRIMARY KEY, count INTEGER NOT NULL, xyz BLOB NOT NULL, rgb BLOB NOT NULL, semantic BLOB NOT NULL,
     confidence BLOB NOT NULL, instance BLOB NOT NULL, embedding BLOB NOT NULL, crc INTEGER NOT NULL);
 """
-
-
-@dataclass(frozen=True)
-class MapRows:
-    """What the map knows of a range of voxels, as it was when they were first seen.
-
-    Attributes:
-        xyz: (V, 3) float32, metres, map frame.
-        rgb: (V, 3) uint8.
-        semantic: (V,) uint8 class index.
-        confidence: (V,) float32 in 0-1.
-        instance: (V,) int32 object id given at first; merges came later.
-        embedding: (V, E) int16, see ``clustering.quantise``.
-    """
-
-    xyz: NDArray[np.float32]
-    rgb: NDArray[np.uint8]
-    semantic: NDArray[np.uint8]
-    confidence: NDArray[np.float32]
-    instance: NDArray[np.int32]
-    embedding: NDArray[np.int16]
-
-    def __len__(self) -> int:
-        return len(self.xyz)
-
-    def part(self, which: slice) -> MapRows:
-        """Return some of the rows: views."""
-        return MapRows(*[getattr(self, name)[which] for name in _COLUMNS])
-
-
-_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
-    "xyz": (np.float32, (3,)),
-    "rgb": (np.uint8, (3,)),
-    "semantic": (np.uint8, ()),
-    "confidence": (np.float32, ()),
-    "instance": (np.int32, ()),
-    "embedding": (np.int16, (EMBEDDING,)),
-}
-
-
-@dataclass(frozen=True)
-class ScanRecord:
-    """A consumed scan.
-
-    Attributes:
-        name: File name.
-        size: Bytes of the file.
-        mtime_ns: When the file was last changed.
-        sha256: Hash of its content, hex.
-        pose: (4, 4) float64, sensor to map.
-        num_points: Points in the file; 0 for a skipped scan.
-        num_voxels: Voxels in the map after it.
-        floor: Floor height after it, metres, map frame.
-        error: Why it was skipped, or None.
-        event: Its line of events.jsonl.
-        output_size: Bytes of its labelled copy.
-    """
-
-    name: str
-    size: int
-    mtime_ns: int
-    sha256: str
-    pose: NDArray[np.float64]
-    num_points: int
-    num_voxels: int
-    floor: float | None
-    error: str | None
-    event: str
-    output_size: int
 
 
 class State:
@@ -133,7 +64,10 @@ class State:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -189,15 +123,26 @@ class State:
                 self._insert(number, record, rows, np.empty((0, 2), np.int32))
         self._num_scans += len(scans)
 
-    def _insert(self, number: int, record: ScanRecord, rows: MapRows, merges: NDArray[np.int32]) -> None:
+    def _insert(
+        self, number: int, record: ScanRecord, rows: MapRows, merges: NDArray[np.int32]
+    ) -> None:
         """Add a scan within a transaction."""
-        identity = (number, record.name, record.size, record.mtime_ns, record.sha256, record.pose.tobytes())
+        identity = (
+            number,
+            record.name,
+            record.size,
+            record.mtime_ns,
+            record.sha256,
+            record.pose.tobytes(),
+        )
         outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
         sizes = (record.output_size, len(merges))
         self._db.execute(f"INSERT INTO scans VALUES ({_holes(13)})", identity + outcome + sizes)
         if len(merges):
             pairs = merges.astype("<i4").tobytes()
-            self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs)))
+            self._db.execute(
+                "INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs))
+            )
         for start in range(0, len(rows), _PART_ROWS):
             parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
             first_id = record.num_voxels - len(rows) + start
@@ -225,11 +170,19 @@ class State:
         """
         last = 1 << 60 if until is None else until
         with self._explained():
-            rows = self._db.execute("SELECT pairs, crc FROM merges WHERE scan <= ? ORDER BY scan", (last,)).fetchall()
-            (count,) = self._db.execute("SELECT total(num_merges) FROM scans WHERE number <= ?", (last,)).fetchone()
+            rows = self._db.execute(
+                "SELECT pairs, crc FROM merges WHERE scan <= ? ORDER BY scan", (last,)
+            ).fetchall()
+            (count,) = self._db.execute(
+                "SELECT total(num_merges) FROM scans WHERE number <= ?", (last,)
+            ).fetchone()
         if any(not isinstance(pairs, bytes) or zlib.crc32(pairs) != crc for pairs, crc in rows):
             raise self._damaged("merges")
-        merges = np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4").reshape(-1, 2).astype(np.int32)
+        merges = (
+            np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4")
+            .reshape(-1, 2)
+            .astype(np.int32)
+        )
         if len(merges) != count:
             raise self._damaged("merges")
         return merges
@@ -259,7 +212,9 @@ class State:
                         for blob, (dtype, shape) in zip(blobs, _COLUMNS.values(), strict=True)
                     )
                 )
-            last = self._db.execute("SELECT num_voxels FROM scans ORDER BY number DESC LIMIT 1").fetchone()
+            last = self._db.execute(
+                "SELECT num_voxels FROM scans ORDER BY number DESC LIMIT 1"
+            ).fetchone()
         if expected != (last[0] if last else 0):
             raise self._damaged(f"voxels from {expected:,}")
 
@@ -297,7 +252,9 @@ class State:
         self._num_scans = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
 
     def _damaged(self, what: str) -> StateError:
-        return StateError(f"{self.path}: damaged ({what}); expected an mcpseg checkpoint; start again with --overwrite")
+        return StateError(
+            f"{self.path}: damaged ({what}); expected an mcpseg checkpoint; start again with --overwrite"
+        )
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -322,7 +279,12 @@ class State:
                 raise StateInUseError(
                     f"{self.path}: in use by another mcpseg; expected one writer; wait for it or choose another -o"
                 ) from error
-            if "full" in reason or "I/O" in reason or "readonly" in reason or "unable to open" in reason:
+            if (
+                "full" in reason
+                or "I/O" in reason
+                or "readonly" in reason
+                or "unable to open" in reason
+            ):
                 raise OutputError(
                     f"{self.path}: cannot be written ({reason}); expected room and permission; "
                     "make space and run the same command again, finished scans are kept"

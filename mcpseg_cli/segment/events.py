@@ -6,9 +6,9 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.incremental.segmenter import ScanUpdate
 
 
 @dataclass(frozen=True)
@@ -24,21 +24,6 @@ class ScanEvent:
     name: str
     skipped: bool
     ms: float | None
-
-
-@dataclass(frozen=True)
-class Latency:
-    """Milliseconds per scan, reading and writing included.
-
-    Attributes:
-        p50: Median.
-        p95: 95th percentile.
-        max: The slowest.
-    """
-
-    p50: float
-    p95: float
-    max: float
 
 
 def read_events(path: Path) -> list[ScanEvent]:
@@ -60,14 +45,37 @@ def read_events(path: Path) -> list[ScanEvent]:
             events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             found = f"line {number:,} that is no event"
-            raise InputError(path, found, "lines that mcpseg segment wrote", "run it again to mend the file") from error
+            raise InputError(
+                path, found, "lines that mcpseg segment wrote", "run it again to mend the file"
+            ) from error
     return events
 
 
-def measure_latency(events: list[ScanEvent]) -> Latency | None:
-    """Summarise the milliseconds of the scans that have them; None if none has."""
-    ms = [event.ms for event in events if event.ms is not None and not event.skipped]
-    if not ms:
-        return None
-    p50, p95, highest = np.percentile(ms, [50, 95, 100])
-    return Latency(float(p50), float(p95), float(highest))
+def describe_scan(
+    number: int, source: ScanFile, num_points: int, update: ScanUpdate, num_objects: int
+) -> str:
+    """Describe a scan in one line of JSON: its event."""
+    return json.dumps(
+        {
+            "scan": number,
+            "name": source.path.name,
+            "points": num_points,
+            "points_in_range": int((update.point_ids >= 0).sum()),
+            "voxels_new": update.num_new,
+            "voxels_seen": update.num_seen,
+            "voxels": update.first_new + update.num_new,
+            "objects": num_objects,
+            "merges": update.merges.tolist(),
+            "label_changes": len(update.changed),
+            "floor": update.floor,
+        }
+    )
+
+
+def is_json(line: str) -> bool:
+    """Tell whether a line is a complete JSON document."""
+    try:
+        json.loads(line)
+    except ValueError:
+        return False
+    return True

@@ -1,14 +1,27 @@
 """The folder of a run: what may be written into it, and what may be deleted from it."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from mcpseg_cli.errors import OutputError, StateError, StateInUseError
+from mcpseg_cli.config import Frame, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.errors import InputError, OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.weights import Weights
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
-_OUTPUTS = ("map.ply", "events.jsonl", "objects.json", "run.json", "state.sqlite", "state.sqlite-wal")
+_OUTPUTS = (
+    "map.ply",
+    "events.jsonl",
+    "objects.json",
+    "run.json",
+    "state.sqlite",
+    "state.sqlite-wal",
+)
 
 
 def check_folders(recording: list[ScanFile], output: Path) -> None:
@@ -32,8 +45,10 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
     """Delete the files of a run, and only those: other files, also in its scans/, stay.
 
     Args:
-        output: Folder of the run; nothing happens where neither its checkpoint nor its run.json shows that one was.
-        recording: The scans that are about to be labelled; their earlier labelled copies are deleted.
+        output: Folder of the run; nothing happens where neither its checkpoint nor its run.json
+            shows that one was.
+        recording: The scans that are about to be labelled; their earlier labelled copies are
+            deleted.
 
     Raises:
         StateError: Another process is writing there.
@@ -74,3 +89,81 @@ def check_outputs(output: Path) -> None:
             f"{output}: has {', '.join(present)} but no state.sqlite, or an empty one; "
             f"expected an empty folder or a run; choose another -o, or {remedy}"
         )
+
+
+_FIRST_TOLD = ("method", "offline", "weights")  # other differences follow from these
+
+
+FLAGS = {
+    "local_range": "--range",
+    "weights": "--weights",
+}  # settings whose option is not called like them
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run reads and writes; what decides its labels is in ``SegmentSettings``.
+
+    Attributes:
+        frame: Frame of the scans' coordinates.
+        format: Ending of the labelled scans, without its dot; None for each scan's own.
+        on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
+        offline: Whether all scans are labelled together, when the last is read.
+        command: The command line, for the record.
+    """
+
+    frame: Frame = "map"
+    format: str | None = None
+    on_error: str = "stop"
+    offline: bool = False
+    command: Sequence[str] = ()
+
+
+def configuration_of(
+    method: Weights | RegionGrowingSettings, segmenter: IncrementalSegmenter, options: RunOptions
+) -> dict[str, object]:
+    """Collect everything that decides the outputs."""
+    settings: SegmentSettings = segmenter.settings
+    if isinstance(method, Weights):
+        what: dict[str, object] = {"weights": method.sha256}
+    else:
+        what = {"weights": None, "method": "region-growing", "region_growing": method.model_dump()}
+    return {
+        **settings.model_dump(mode="json"),
+        "frame": options.frame,
+        "format": options.format,
+        "precision": segmenter.precision,
+        "device": segmenter.device,
+        **what,
+        **({"offline": True} if options.offline else {}),
+    }
+
+
+def short(value: object) -> str:
+    """Shorten a value for a message."""
+    return "(none)" if value is None else str(value)[:16]
+
+
+def read_classes(path: Path) -> tuple[str, ...]:
+    """Read the names that ``semantic`` indexes.
+
+    Args:
+        path: The run.json of a run.
+
+    Returns:
+        The names; none for a method that tells objects only, whose points all have 255.
+
+    Raises:
+        InputError: Missing, or without a class table.
+    """
+    remedy = "run 'mcpseg segment' on this folder again, which writes it"
+    try:
+        document: object = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(path, "not there", "the description of the run", remedy) from error
+    except ValueError as error:
+        raise InputError(path, "not JSON", "the description of the run", remedy) from error
+    classes = document.get("classes") if isinstance(document, dict) else None
+    if not isinstance(classes, list) or not all(isinstance(name, str) for name in classes):
+        raise InputError(path, "no class table", "a list of names under 'classes'", remedy)
+    return tuple(classes)

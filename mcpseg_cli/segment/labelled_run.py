@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError, StateError
-from mcpseg_cli.export.class_table import read_classes
 from mcpseg_cli.incremental.clustering import dequantise, resolve
+from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
-from mcpseg_cli.segment.checkpoint import MapRows, ScanRecord, State
+from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.folder import read_classes
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 _PART_ROWS = 1 << 16  # voxels handed out at a time: 20 MB with all that is made of them on the way
 _WAL_HEADER = 32  # bytes; holds the salts that change whenever the log starts again
@@ -71,8 +73,9 @@ def joined(parts: Iterable[MapPart]) -> MapPart:
 class LabelledRun:
     """The folder of a run of ``mcpseg segment``, finished or in progress, as it was when this was made.
 
-    The checkpoint is copied first, so that a run in progress is neither disturbed nor followed, and nothing is ever
-    written into its folder. The copy (about 130 bytes a voxel) lies in the system's folder for temporary files.
+    The checkpoint is copied first, so that a run in progress is neither disturbed nor followed, and
+    nothing is ever written into its folder. The copy (about 130 bytes a voxel) lies in the system's
+    folder for temporary files.
 
     Args:
         folder: Folder of the run.
@@ -88,16 +91,31 @@ class LabelledRun:
         self.on_part: Callable[[int, int], None] = lambda done, total: None
         """Called while ``parts`` goes through the map: voxels done, voxels in all."""
         if not (folder / "state.sqlite").is_file():
-            found = "no state.sqlite" if folder.is_dir() else "a file" if folder.exists() else "no such folder"
-            raise InputError(folder, found, "the folder of a run of 'mcpseg segment'", "check the path")
+            found = (
+                "no state.sqlite"
+                if folder.is_dir()
+                else "a file"
+                if folder.exists()
+                else "no such folder"
+            )
+            raise InputError(
+                folder, found, "the folder of a run of 'mcpseg segment'", "check the path"
+            )
         self.classes = read_classes(folder / "run.json")
         self._open_files = ExitStack()
         try:
-            scratch = Path(self._open_files.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-")))
+            scratch = Path(
+                self._open_files.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-"))
+            )
             self._state = self._open_files.enter_context(_open_copy(folder, scratch))
             self.scans: list[ScanRecord] = self._state.scans()
             if not self.scans or self.scans[-1].num_voxels == 0:
-                raise InputError(folder, "a run without any labelled voxel yet", "a labelled map", "wait for a scan")
+                raise InputError(
+                    folder,
+                    "a run without any labelled voxel yet",
+                    "a labelled map",
+                    "wait for a scan",
+                )
         except BaseException:
             self._open_files.close()
             raise
@@ -106,7 +124,10 @@ class LabelledRun:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self._open_files.close()
 
@@ -142,7 +163,16 @@ class LabelledRun:
             ids = np.arange(start, start + len(rows))
             scan = np.searchsorted(last_ids, ids, side="right").astype(np.int32)
             instance = _current(rows.instance, survivor)
-            yield MapPart(ids, rows.xyz, rows.rgb, rows.semantic, instance, rows.confidence, rows.embedding, scan)
+            yield MapPart(
+                ids,
+                rows.xyz,
+                rows.rgb,
+                rows.semantic,
+                instance,
+                rows.confidence,
+                rows.embedding,
+                scan,
+            )
             start += len(rows)
             self.on_part(start, len(self))
 
@@ -161,7 +191,9 @@ class LabelledRun:
     def objects(self) -> list[MapObject]:
         """Take stock of the objects, by id; needs all voxels but their embedding in memory."""
         known = joined(replace(part, quantised=part.quantised[:, :0]) for part in self.parts())
-        rows = MapRows(known.xyz, known.rgb, known.semantic, known.confidence, known.instance, known.quantised)
+        rows = MapRows(
+            known.xyz, known.rgb, known.semantic, known.confidence, known.instance, known.quantised
+        )
         return list_objects(rows, self.classes)
 
     @cached_property
@@ -199,7 +231,12 @@ def _cut(rows: MapRows, which: slice) -> MapRows:
 
 
 def _joined_rows(parts: list[MapRows]) -> MapRows:
-    return MapRows(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(MapRows)))
+    return MapRows(
+        *(
+            np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(MapRows)
+        )
+    )
 
 
 def _open_copy(folder: Path, scratch: Path) -> State:
@@ -216,8 +253,9 @@ def _open_copy(folder: Path, scratch: Path) -> State:
 def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
     """Copy a checkpoint that may be written at this moment, as it is after one of its transactions.
 
-    The writer appends to the log, and now and then brings what is in the log into the database and starts the log
-    again. A database copied in between is mended by the log, unless the log has been started again meanwhile.
+    The writer appends to the log, and now and then brings what is in the log into the database and
+    starts the log again. A database copied in between is mended by the log, unless the log has been
+    started again meanwhile.
     """
     source, copy = folder / "state.sqlite", scratch / "state.sqlite"
     source_log, log = folder / "state.sqlite-wal", scratch / "state.sqlite-wal"
@@ -237,7 +275,9 @@ def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
             ) from error
         if _identity(source_log) == before == _identity(log):
             return copy
-    raise StateError(f"{source}: changes too fast to be copied; expected a pause between scans; try again later")
+    raise StateError(
+        f"{source}: changes too fast to be copied; expected a pause between scans; try again later"
+    )
 
 
 def _identity(log: Path) -> bytes:

@@ -10,16 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import naming
-from mcpseg_cli.segment.checkpoint import MapRows
+from mcpseg_cli.incremental.map_rows import MapRows
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1"),
      ("semantic", "u1"), ("instance", "<i4"), ("confidence", "<f4")]
 )  # fmt: skip
 _PROPERTIES = (
-    "property float x", "property float y", "property float z", "property uchar red", "property uchar green",
-    "property uchar blue", "property uchar semantic", "property int instance", "property float confidence",
-)  # fmt: skip
+    "property float x",
+    "property float y",
+    "property float z",
+    "property uchar red",
+    "property uchar green",
+    "property uchar blue",
+    "property uchar semantic",
+    "property int instance",
+    "property float confidence",
+)
 _COUNT_DIGITS = 12
 _GAP = 4096 // _VERTEX.itemsize  # changed vertices this close are written in one go
 _CHUNK = 1 << 16  # vertices compared at a time when reconciling
@@ -43,7 +50,10 @@ class LabelledMap:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         os.close(self._file)
 
@@ -127,5 +137,8 @@ def _runs(ids: NDArray[np.int32]) -> list[tuple[int, int]]:
     if len(ids) == 0:
         return []
     breaks = np.flatnonzero(np.diff(ids) > _GAP)
-    firsts, lasts = np.concatenate([ids[:1], ids[breaks + 1]]), np.concatenate([ids[breaks], ids[-1:]])
+    firsts, lasts = (
+        np.concatenate([ids[:1], ids[breaks + 1]]),
+        np.concatenate([ids[breaks], ids[-1:]]),
+    )
     return list(zip(firsts.tolist(), lasts.tolist(), strict=True))

@@ -18,8 +18,10 @@ from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import Weights
 from mcpseg_cli.scan import colour_of, near_robot
-from mcpseg_cli.segment.checkpoint import ScanRecord
-from mcpseg_cli.segment.run import RunOptions, ScanReport, SegmentRun, describe_scan, fingerprint, skipped_scan
+from mcpseg_cli.segment.events import describe_scan
+from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.run import ScanReport, SegmentRun
+from mcpseg_cli.segment.scan_record import ScanRecord, fingerprint, skipped_scan
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,9 @@ class OfflineRun(SegmentRun):
         record, started = scan.record, perf_counter()
         if record.error is not None:
             return record, ScanReport(record.name, 0, None, record.error, scan.ms)
-        points, cloud = read_scan(scan.source, self._options.frame, self.segmenter.settings.voxel_size)
+        points, cloud = read_scan(
+            scan.source, self._options.frame, self.segmenter.settings.voxel_size
+        )
         point_ids = self.segmenter.find_points(points)
         path = self._labelled_scan(record.name)
         write_cloud(path, cloud.with_labels(self.segmenter.labels(point_ids)))
@@ -147,9 +151,19 @@ class OfflineRun(SegmentRun):
         known = point_ids[(point_ids >= 0) & (point_ids < first_new)]
         nothing = np.empty((0, 2), np.int32)
         update = ScanUpdate(
-            number, point_ids, first_new, scan.num_new, len(np.unique(known)), nothing, nothing[:, 0], floor, ms
+            number,
+            point_ids,
+            first_new,
+            scan.num_new,
+            len(np.unique(known)),
+            nothing,
+            nothing[:, 0],
+            floor,
+            ms,
         )
-        event = describe_scan(number, scan.source, len(cloud), update, self.segmenter.clusters.num_objects)
+        event = describe_scan(
+            number, scan.source, len(cloud), update, self.segmenter.clusters.num_objects
+        )
         record = replace(record, floor=floor, event=event, output_size=path.stat().st_size)
         return record, ScanReport(record.name, len(cloud), update, None, sum(ms.values()))
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import platform
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,37 +14,25 @@ from types import TracebackType
 import numpy as np
 
 from mcpseg_cli import __version__
-from mcpseg_cli.config import Frame, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.config import RegionGrowingSettings
 from mcpseg_cli.errors import InputError, StateError, naming
 from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud, write_partial
 from mcpseg_cli.formats.recording import ScanFile, read_scan
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.networks.weights import Weights
-from mcpseg_cli.segment.checkpoint import ScanRecord, State
-from mcpseg_cli.segment.folder import check_folders, check_outputs
+from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.events import describe_scan, is_json
+from mcpseg_cli.segment.folder import (
+    _FIRST_TOLD,
+    FLAGS,
+    RunOptions,
+    check_folders,
+    check_outputs,
+    configuration_of,
+    short,
+)
 from mcpseg_cli.segment.map_ply import LabelledMap
-
-_FIRST_TOLD = ("method", "offline", "weights")  # other differences follow from these
-_FLAGS = {"local_range": "--range", "weights": "--weights"}  # settings whose option is not called like them
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a run reads and writes; what decides its labels is in ``SegmentSettings``.
-
-    Attributes:
-        frame: Frame of the scans' coordinates.
-        format: Ending of the labelled scans, without its dot; None for each scan's own.
-        on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
-        offline: Whether all scans are labelled together, when the last is read.
-        command: The command line, for the record.
-    """
-
-    frame: Frame = "map"
-    format: str | None = None
-    on_error: str = "stop"
-    offline: bool = False
-    command: Sequence[str] = ()
+from mcpseg_cli.segment.scan_record import ScanRecord, fingerprint, is_unchanged, skipped_scan
 
 
 @dataclass(frozen=True)
@@ -101,12 +88,14 @@ class SegmentRun:
         self._open_files = ExitStack()
         self._state = self._open_files.enter_context(State(output / "state.sqlite"))
         try:
-            self._check_configuration(_configuration(method, segmenter, options))
+            self._check_configuration(configuration_of(method, segmenter, options))
             self.records = self._state.scans()
             self.pending = _pending(recording, self.records, self._state.path)
             self.resumed_from = len(self.records)
             self._restore()
-            self._map = self._open_files.enter_context(LabelledMap(output / "map.ply", segmenter.classes))
+            self._map = self._open_files.enter_context(
+                LabelledMap(output / "map.ply", segmenter.classes)
+            )
             self._reconcile(recording)
             self._write_run_json(method)
         except BaseException:
@@ -117,7 +106,10 @@ class SegmentRun:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
     ) -> None:
         self._open_files.close()
 
@@ -128,7 +120,8 @@ class SegmentRun:
             should_stop: Asked before every scan.
 
         Raises:
-            InputError: A scan cannot be read and ``on_error`` is ``stop``; all scans before it are kept.
+            InputError: A scan cannot be read and ``on_error`` is ``stop``; all scans before it are
+                kept.
             OutputError: The disk is full; all committed scans are kept.
         """
         for source in self.pending:
@@ -137,7 +130,9 @@ class SegmentRun:
             started = perf_counter()
             try:
                 identity = fingerprint(source)
-                scan, cloud = read_scan(source, self._options.frame, self.segmenter.settings.voxel_size)
+                scan, cloud = read_scan(
+                    source, self._options.frame, self.segmenter.settings.voxel_size
+                )
             except (InputError, OSError) as error:
                 if self._options.on_error != "skip":
                     raise
@@ -148,9 +143,18 @@ class SegmentRun:
             update = self.segmenter.register_scan(scan)
             update = replace(update, ms={"read": read_ms, **update.ms})
             record = replace(
-                identity, num_points=len(cloud), num_voxels=len(self.segmenter.map), floor=update.floor,
-                event=describe_scan(len(self.records), source, len(cloud), update, self.segmenter.clusters.num_objects),
-            )  # fmt: skip
+                identity,
+                num_points=len(cloud),
+                num_voxels=len(self.segmenter.map),
+                floor=update.floor,
+                event=describe_scan(
+                    len(self.records),
+                    source,
+                    len(cloud),
+                    update,
+                    self.segmenter.clusters.num_objects,
+                ),
+            )
             yield self._finish_scan(source, cloud, update, record, started)
 
     def write_objects(self) -> None:
@@ -158,7 +162,10 @@ class SegmentRun:
         if not self._is_committed:
             return
         objects = self.segmenter.objects()
-        _replace_text(self.output / "objects.json", json.dumps([asdict(item) for item in objects], indent=1) + "\n")
+        _replace_text(
+            self.output / "objects.json",
+            json.dumps([asdict(item) for item in objects], indent=1) + "\n",
+        )
 
     def _finish_scan(
         self, source: ScanFile, cloud: Cloud, update: ScanUpdate, record: ScanRecord, started: float
@@ -167,7 +174,9 @@ class SegmentRun:
         labels = self.segmenter.labels(update.point_ids)
         path = self._labelled_scan(source.path.name)
         before = perf_counter()
-        partial = write_partial(path, cloud.with_labels(labels))  # what cannot be written is not committed
+        partial = write_partial(
+            path, cloud.with_labels(labels)
+        )  # what cannot be written is not committed
         written = perf_counter()
         record = replace(record, output_size=partial.stat().st_size)
         try:
@@ -184,7 +193,11 @@ class SegmentRun:
         ms = update.ms | {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
         self._append_event(record.event, ms)
         return ScanReport(
-            record.name, record.num_points, replace(update, ms=ms), None, 1e3 * (perf_counter() - started)
+            record.name,
+            record.num_points,
+            replace(update, ms=ms),
+            None,
+            1e3 * (perf_counter() - started),
         )
 
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
@@ -203,11 +216,13 @@ class SegmentRun:
         if kept is None:
             self._state.set_configuration(asked)
             return
-        for key in sorted(kept.keys() | asked.keys(), key=lambda key: (key not in _FIRST_TOLD, key)):
+        for key in sorted(
+            kept.keys() | asked.keys(), key=lambda key: (key not in _FIRST_TOLD, key)
+        ):
             if kept.get(key) != asked.get(key):
-                flag = _FLAGS.get(key, f"--{key.replace('_', '-')}")
+                flag = FLAGS.get(key, f"--{key.replace('_', '-')}")
                 raise StateError(
-                    f"{self._state.path}: made with {flag} {_short(kept.get(key))}, now {_short(asked.get(key))}; "
+                    f"{self._state.path}: made with {flag} {short(kept.get(key))}, now {short(asked.get(key))}; "
                     "expected the same; go back to it, choose another -o, or start again with --overwrite"
                 )
 
@@ -216,7 +231,10 @@ class SegmentRun:
         used = [record for record in self.records if record.error is None]
         try:
             self.segmenter.restore(
-                self._state.map_rows(), self._state.merges(), len(used), used[-1].floor if used else None
+                self._state.map_rows(),
+                self._state.merges(),
+                len(used),
+                used[-1].floor if used else None,
             )
         except (ValueError, IndexError) as error:
             raise StateError(
@@ -231,11 +249,17 @@ class SegmentRun:
         self._reconcile_events()
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
             path = self._labelled_scan(record.name)
-            if record.error is None and not (path.is_file() and path.stat().st_size == record.output_size):
-                scan, cloud = read_scan(source, self._options.frame, self.segmenter.settings.voxel_size)
+            if record.error is None and not (
+                path.is_file() and path.stat().st_size == record.output_size
+            ):
+                scan, cloud = read_scan(
+                    source, self._options.frame, self.segmenter.settings.voxel_size
+                )
                 point_ids = self.segmenter.find_points(scan)
                 labels = self.segmenter.labels(point_ids)
-                then = np.append(self._state.instance_after(number), np.int32(0))  # id -1 finds the 0 at the end
+                then = np.append(
+                    self._state.instance_after(number), np.int32(0)
+                )  # id -1 finds the 0 at the end
                 write_cloud(path, cloud.with_labels(replace(labels, instance=then[point_ids])))
 
     def _reconcile_events(self) -> None:
@@ -244,7 +268,7 @@ class SegmentRun:
         lines = path.read_text(errors="replace").split("\n")[:-1] if path.exists() else []
         kept = 0
         for record, line in zip(self.records, lines, strict=False):
-            if not (line.startswith(record.event[:-1]) and _is_json(line)):
+            if not (line.startswith(record.event[:-1]) and is_json(line)):
                 break
             kept += 1
         if kept != len(self.records) or kept != len(lines):
@@ -266,44 +290,26 @@ class SegmentRun:
     def _write_run_json(self, method: Weights | RegionGrowingSettings) -> None:
         weights = None
         if isinstance(method, Weights):
-            weights = {"name": method.name, "sha256": method.sha256, **method.info.model_dump(mode="json")}
+            weights = {
+                "name": method.name,
+                "sha256": method.sha256,
+                **method.info.model_dump(mode="json"),
+            }
         document = {
             "mcpseg": __version__,
             "python": platform.python_version(),
             "command": list(self._options.command),
             "method": method.info.architecture if isinstance(method, Weights) else "region-growing",
-            "configuration": _configuration(method, self.segmenter, self._options),
+            "configuration": configuration_of(method, self.segmenter, self._options),
             "weights": weights,
             "classes": list(self.segmenter.classes),
         }
         _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
 
 
-def _configuration(
-    method: Weights | RegionGrowingSettings, segmenter: IncrementalSegmenter, options: RunOptions
-) -> dict[str, object]:
-    """Collect everything that decides the outputs."""
-    settings: SegmentSettings = segmenter.settings
-    if isinstance(method, Weights):
-        what: dict[str, object] = {"weights": method.sha256}
-    else:
-        what = {"weights": None, "method": "region-growing", "region_growing": method.model_dump()}
-    return {
-        **settings.model_dump(mode="json"),
-        "frame": options.frame,
-        "format": options.format,
-        "precision": segmenter.precision,
-        "device": segmenter.device,
-        **what,
-        **({"offline": True} if options.offline else {}),
-    }
-
-
-def _short(value: object) -> str:
-    return "(none)" if value is None else str(value)[:16]
-
-
-def _pending(recording: list[ScanFile], records: list[ScanRecord], state_path: Path) -> list[ScanFile]:
+def _pending(
+    recording: list[ScanFile], records: list[ScanRecord], state_path: Path
+) -> list[ScanFile]:
     """Check the consumed scans against what was consumed; return the others."""
     if len(recording) < len(records):
         raise StateError(
@@ -316,65 +322,12 @@ def _pending(recording: list[ScanFile], records: list[ScanRecord], state_path: P
                 f"{source.path}: stands where {record.name} was consumed; "
                 "expected new scans after the consumed ones; rename it"
             )
-        if record.error is None and not _is_unchanged(source, record):
+        if record.error is None and not is_unchanged(source, record):
             raise StateError(
                 f"{source.path}: changed since it was consumed; expected the same file and pose; "
                 "restore it or start again with --overwrite"
             )
     return recording[len(records) :]
-
-
-def _is_unchanged(source: ScanFile, record: ScanRecord) -> bool:
-    """Compare pose and content; the content is read again only if size or time of change differ."""
-    status = source.path.stat()
-    if status.st_size != record.size or not np.array_equal(source.pose, record.pose):
-        return False
-    return status.st_mtime_ns == record.mtime_ns or fingerprint(source).sha256 == record.sha256
-
-
-def fingerprint(source: ScanFile) -> ScanRecord:
-    """Start the record of a scan with its size, time and hash."""
-    status = source.path.stat()
-    with source.path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return ScanRecord(
-        source.path.name, status.st_size, status.st_mtime_ns, digest, source.pose, 0, 0, None, None, "", 0
-    )
-
-
-def skipped_scan(
-    number: int, source: ScanFile, error: InputError | OSError, num_voxels: int, floor: float | None
-) -> ScanRecord:
-    """Make the record of a scan that cannot be read."""
-    event = json.dumps({"scan": number, "name": source.path.name, "skipped": str(error)})
-    return ScanRecord(source.path.name, 0, 0, "", source.pose, 0, num_voxels, floor, str(error), event, 0)
-
-
-def describe_scan(number: int, source: ScanFile, num_points: int, update: ScanUpdate, num_objects: int) -> str:
-    """Describe a scan in one line of JSON: its event."""
-    return json.dumps(
-        {
-            "scan": number,
-            "name": source.path.name,
-            "points": num_points,
-            "points_in_range": int((update.point_ids >= 0).sum()),
-            "voxels_new": update.num_new,
-            "voxels_seen": update.num_seen,
-            "voxels": update.first_new + update.num_new,
-            "objects": num_objects,
-            "merges": update.merges.tolist(),
-            "label_changes": len(update.changed),
-            "floor": update.floor,
-        }
-    )
-
-
-def _is_json(line: str) -> bool:
-    try:
-        json.loads(line)
-    except ValueError:
-        return False
-    return True
 
 
 def _replace_text(path: Path, text: str) -> None:

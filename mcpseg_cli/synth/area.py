@@ -60,7 +60,8 @@ def plan_building(
 ) -> tuple[Style, list[Room], list[list[int]]]:
     """Plan an area: its style, its rooms in natural order, and what the random numbers of each start from.
 
-    Each room can then be made by itself with ``make_room``, in any process. See ``make_area`` for the arguments.
+    Each room can then be made by itself with ``make_room``, in any process. See ``make_area`` for
+    the arguments.
     """
     rng = np.random.default_rng([seed, number])
     drawn = style_of(style if isinstance(style, int) else number, rng)
@@ -86,7 +87,8 @@ def make_area(
         num_rooms: Rooms, corridors among them; at least 2.
         spacing: There is one point in each square of this edge, metres; 0.008 at the least.
         style: Style, or number of one; that of the area's number by default.
-        jobs: Processes to share the rooms among; more than one need a main module that can be imported.
+        jobs: Processes to share the rooms among; more than one need a main module that can be
+            imported.
 
     Yields:
         The rooms in natural order of their names.
@@ -96,10 +98,14 @@ def make_area(
         OutputError: A worker process was killed.
     """
     chosen, rooms, seeds = plan_building(number, seed, num_rooms, style)
-    yield from map_rooms(make_room, zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False), jobs)
+    yield from map_rooms(
+        make_room, zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False), jobs
+    )
 
 
-def map_rooms(function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int) -> Iterator[Result]:
+def map_rooms(
+    function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int
+) -> Iterator[Result]:
     """Call a function of the top level of a module for every task, in ``jobs`` processes; results come in order.
 
     Raises:
@@ -172,7 +178,9 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
         rows = order[ends[number - 1] if number else 0 : ends[number]]
         if len(rows) >= MIN_POINTS:
             counts[item.name] = counts.get(item.name, 0) + 1
-            found.append((f"{item.name}_{counts[item.name]}", item.name, scan.xyz[rows], scan.rgb[rows]))
+            found.append(
+                (f"{item.name}_{counts[item.name]}", item.name, scan.xyz[rows], scan.rgb[rows])
+            )
     found.sort(key=lambda entry: natural_key(entry[0]))
     names, classes, xyz, rgb = zip(*found, strict=True)
     return RoomCloud(room.name, names, classes, xyz, rgb)
@@ -188,16 +196,22 @@ def make_building(
     jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
-    rooms = list(make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs))
+    rooms = list(
+        make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs)
+    )
     sizes = [[len(points) for points in room.xyz] for room in rooms]
     flat = [size for room in sizes for size in room]
-    labels = np.array([S3DIS_CLASSES.index(name) for room in rooms for name in room.classes], np.uint8)
+    labels = np.array(
+        [S3DIS_CLASSES.index(name) for room in rooms for name in room.classes], np.uint8
+    )
     return Building(
         np.concatenate([points for room in rooms for points in room.xyz]),
         np.concatenate([colours for room in rooms for colours in room.rgb]),
         np.repeat(labels, flat),
         np.repeat(np.arange(1, len(flat) + 1, dtype=np.int32), flat),
         rooms=tuple(room.name for room in rooms),
-        room_starts=np.concatenate([[0], np.cumsum([sum(room) for room in sizes])]).astype(np.int64),
+        room_starts=np.concatenate([[0], np.cumsum([sum(room) for room in sizes])]).astype(
+            np.int64
+        ),
         object_names=tuple(f"{room.name}/{name}" for room in rooms for name in room.object_names),
     )

@@ -9,9 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 RoomKind = Literal[
-    "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry", "copyRoom", "WC",
-    "livingRoom", "diningRoom", "kitchen", "bedroom", "study", "bathroom",
-]  # fmt: skip
+    "hallway",
+    "office",
+    "conferenceRoom",
+    "lounge",
+    "storage",
+    "openspace",
+    "lobby",
+    "pantry",
+    "copyRoom",
+    "WC",
+    "livingRoom",
+    "diningRoom",
+    "kitchen",
+    "bedroom",
+    "study",
+    "bathroom",
+]
 """Names as S3DIS uses them, then those of homes; a room is called ``kind_number``."""
 CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
 DOUBLE_DOOR_WIDTH = 1.3
@@ -29,10 +43,12 @@ class Opening:
         end: Where it ends.
         low: Height of its lower edge over the floor, metres.
         high: Height of its upper edge.
-        leaf_deg: How far a door's leaf stands open into this room; 0 closed, -1 no leaf on this side.
+        leaf_deg: How far a door's leaf stands open into this room; 0 closed, -1 no leaf on this
+            side.
         hinge_at_end: Whether the leaf hangs at ``end``.
         depth: How deep the reveal is on this room's side (half the wall), metres.
-        glazing: What a window is: single panes over a sill, a band, glass from the floor up, or glass to a corridor.
+        glazing: What a window is: single panes over a sill, a band, glass from the floor up, or
+            glass to a corridor.
         is_dummy: Whether a door leads nowhere: shafts, cupboards, stairs that were not scanned.
     """
 
@@ -80,8 +96,8 @@ class Room:
         high: (2,) highest x and y.
         ceiling: Height of the ceiling over the floor (z = 0), metres.
         openings: Doors, windows and passages.
-        taken: Boxes, (2, 3) lowest and highest corner each, that furniture keeps clear of: columns, pipes, open door
-            leaves and where they swing, the way through doors.
+        taken: Boxes, (2, 3) lowest and highest corner each, that furniture keeps clear of: columns,
+            pipes, open door leaves and where they swing, the way through doors.
         fixtures: Columns, beams, radiators and the like; those that reach down are in ``taken``.
         exterior: Sides with nothing but the street behind them.
         ceiling_kind: What the ceiling is made of; acoustic tiles are a suspended ceiling.

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats.s3dis import write_room
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS
-from mcpseg_cli.formats.whole import write_whole
+from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
@@ -80,24 +80,30 @@ def write_area(
     """Build an area and write it room by room; rooms that an earlier, interrupted call wrote are kept.
 
     Args:
-        folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room and ``synth.json``. The
-            caller holds it against other processes (``lock.exclusive``).
+        folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room and
+            ``synth.json``. The caller holds it against other processes (``lock.exclusive``).
         request: What to build.
         jobs: Processes that build rooms at once; the result does not depend on it.
         overwrite: Delete an area that was made before; other files in the folder stay.
 
     Returns:
-        How many rooms there will be, and an iterator that writes them; each appears under its name when complete.
+        How many rooms there will be, and an iterator that writes them; each appears under its name
+        when complete.
 
     Raises:
         InputError: No floor plan with so many rooms was found.
         OutputError: The folder holds another area, or rooms that were not made here.
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
-    style, rooms, seeds = plan_building(request.number, request.seed, request.num_rooms, request.style)
+    style, rooms, seeds = plan_building(
+        request.number, request.seed, request.num_rooms, request.style
+    )
     record = _Record(
-        version=_VERSION, request=request, style_name=style.name, planned=[room.name for room in rooms]
-    )  # fmt: skip
+        version=_VERSION,
+        request=request,
+        style_name=style.name,
+        planned=[room.name for room in rooms],
+    )
     earlier = _read_record(folder)
     _check(folder, earlier, None if overwrite else record)
     if overwrite and earlier is not None:
@@ -110,21 +116,32 @@ def write_area(
 
 
 def _write(
-    folder: Path, record: _Record, style: Style, rooms: list[Room], seeds: list[list[int]], jobs: int
+    folder: Path,
+    record: _Record,
+    style: Style,
+    rooms: list[Room],
+    seeds: list[list[int]],
+    jobs: int,
 ) -> Iterator[RoomCounts]:
     """Write the rooms that are missing and count all."""
-    is_there = {room.name for room in record.rooms if any((folder / room.name / ANNOTATIONS).glob("*.txt"))}
+    is_there = {
+        room.name for room in record.rooms if any((folder / room.name / ANNOTATIONS).glob("*.txt"))
+    }
     record.rooms = [room for room in record.rooms if room.name in is_there]
     yield from record.rooms
     spacing = record.request.spacing
     todo = [(folder, room, style, spacing, seed) for room, seed in zip(rooms, seeds, strict=True)]
-    for counts in map_rooms(write_one, [task for task in todo if task[1].name not in is_there], jobs):
+    for counts in map_rooms(
+        write_one, [task for task in todo if task[1].name not in is_there], jobs
+    ):
         record.rooms.append(counts)
         _write_record(folder, record)
         yield counts
 
 
-def write_one(folder: Path, room: Room, style: Style, spacing: float, seed: list[int]) -> RoomCounts:
+def write_one(
+    folder: Path, room: Room, style: Style, spacing: float, seed: list[int]
+) -> RoomCounts:
     """Build one room and write it; one that is there, written but not recorded, is written again."""
     cloud = make_room(room, style, spacing, seed)
     shutil.rmtree(folder / room.name, ignore_errors=True)
@@ -149,7 +166,9 @@ def _check(folder: Path, earlier: _Record | None, record: _Record | None) -> Non
     if record is None or (earlier.version, earlier.request) == (record.version, record.request):
         return
     before, now = earlier.request.model_dump(), record.request.model_dump()
-    changed = [f"{name} ({before[name]}, not {now[name]})" for name in now if before[name] != now[name]]
+    changed = [
+        f"{name} ({before[name]}, not {now[name]})" for name in now if before[name] != now[name]
+    ]
     raise OutputError(
         f"{folder}: holds an area made with another {', '.join(changed) or 'version of mcpseg'}; expected the same; "
         "name another folder or give --overwrite"

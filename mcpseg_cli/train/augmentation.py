@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from mcpseg_cli.config import AugmentSettings
 from mcpseg_cli.scan import GREY
 
-_NEAREST_CUT, _FARTHEST_CUT = 0.0, 1.0  # metres from the robot to the border of a half-space cut away
+_NEAREST_CUT, _FARTHEST_CUT = (
+    0.0,
+    1.0,
+)  # metres from the robot to the border of a half-space cut away
 _NARROWEST, _WIDEST = 30.0, 90.0  # degrees to each side that a sensor with a sector of view sees
 _LUMINANCE = np.array([0.299, 0.587, 0.114], np.float32)  # ITU-R BT.601
 
@@ -136,7 +139,10 @@ def change_colours(scene: Scene, settings: AugmentSettings, rng: np.random.Gener
         rgb[:] = GREY
         return scene
     _change_light(scene, settings, rng)
-    contrast, offset = 1 + rng.uniform(-1, 1) * settings.contrast, rng.uniform(-1, 1) * settings.offset
+    contrast, offset = (
+        1 + rng.uniform(-1, 1) * settings.contrast,
+        rng.uniform(-1, 1) * settings.offset,
+    )
     if contrast != 1 or offset:
         mean = rgb.mean()
         rgb *= np.float32(contrast)
@@ -157,7 +163,9 @@ def change_colours(scene: Scene, settings: AugmentSettings, rng: np.random.Gener
 
 def _change_light(scene: Scene, settings: AugmentSettings, rng: np.random.Generator) -> None:
     """Change exposure and white balance, and let the brightness fall off to one side."""
-    gain = (1 + rng.uniform(-1, 1) * settings.gain) * (1 + rng.uniform(-1, 1, 3) * settings.channel_gain)
+    gain = (1 + rng.uniform(-1, 1) * settings.gain) * (
+        1 + rng.uniform(-1, 1, 3) * settings.channel_gain
+    )
     scene.rgb[:] *= gain.astype(np.float32)
     if settings.light_gradient:
         angle, slope = rng.uniform(-np.pi, np.pi), rng.uniform(0, settings.light_gradient)
@@ -169,7 +177,9 @@ def hue_turn(angle_deg: float) -> NDArray[np.float32]:
     """Return the (3, 3) float32 matrix that turns colours about the grey axis; greys stay (Rodrigues' formula)."""
     angle = radians(angle_deg)
     across = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
-    turn: NDArray[np.float32] = (cos(angle) * np.eye(3) + (1 - cos(angle)) / 3 + sin(angle) * across).astype(np.float32)
+    turn: NDArray[np.float32] = (
+        cos(angle) * np.eye(3) + (1 - cos(angle)) / 3 + sin(angle) * across
+    ).astype(np.float32)
     return turn
 
 
@@ -178,11 +188,14 @@ def _noise(shape: tuple[int, ...], largest: float, rng: np.random.Generator) -> 
     return rng.standard_normal(shape, np.float32) * np.float32(rng.uniform(0, largest))
 
 
-def drop_context(context: NDArray[np.int32], settings: AugmentSettings, rng: np.random.Generator) -> NDArray[np.int32]:
+def drop_context(
+    context: NDArray[np.int32], settings: AugmentSettings, rng: np.random.Generator
+) -> NDArray[np.int32]:
     """Perhaps replace a part of each point's context by repeating the rest.
 
     Args:
-        context: (N, K) int32, each row in random order, so that its first columns are a random part.
+        context: (N, K) int32, each row in random order, so that its first columns are a random
+            part.
         settings: How often and how much.
         rng: Source of the choice.
 
@@ -197,7 +210,9 @@ def drop_context(context: NDArray[np.int32], settings: AugmentSettings, rng: np.
 
 
 @njit(cache=True, nogil=True)
-def replace_gone(context: NDArray[np.int32], centre: NDArray[np.int32], gone: NDArray[np.bool_]) -> None:
+def replace_gone(
+    context: NDArray[np.int32], centre: NDArray[np.int32], gone: NDArray[np.bool_]
+) -> None:
     """Replace context points that are gone by repeating the others of their row, or the centre where none is left.
 
     Args:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -16,11 +17,25 @@ from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.config import AugmentSettings
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.incremental.context import context_input, network_input
-from mcpseg_cli.train.augmentation import Scene, augment, draw_cut, draw_thinning, drop_context, replace_gone
+from mcpseg_cli.train.augmentation import (
+    Scene,
+    augment,
+    draw_cut,
+    draw_thinning,
+    drop_context,
+    replace_gone,
+)
 from mcpseg_cli.train.replay import ScanSamples
 from mcpseg_cli.train.samples import AreaSamples, prepare_samples
 
-__all__ = ["AreaSamples", "Batch", "BatchSource", "choose_balanced", "number_locally", "prepare_samples"]
+__all__ = [
+    "AreaSamples",
+    "Batch",
+    "BatchSource",
+    "choose_balanced",
+    "number_locally",
+    "prepare_samples",
+]
 
 _FEWEST = 32  # points that a partial view must leave; new voxels that make a batch of their own
 _SCANS_AT_ONCE = 512  # whose samples are counted at once
@@ -33,7 +48,8 @@ class Batch:
 
     Attributes:
         centre: (N, 6) float32, as ``context.network_input`` gives them.
-        context: (N, K, 6) float32, as ``context.context_input`` gives them; None when not asked for.
+        context: (N, K, 6) float32, as ``context.context_input`` gives them; None when not asked
+            for.
         semantic: (N,) int64 class index.
         instance: (N,) int64 object of the area.
     """
@@ -49,15 +65,17 @@ class BatchSource:
 
     Args:
         areas: Samples to draw from.
-        classes: Class table of the network; classes of an area are matched by name, points of others are not drawn.
+        classes: Class table of the network; classes of an area are matched by name, points of
+            others are not drawn.
         batch_size: N.
         with_context: Whether the network needs context.
         augmentation: How batches are changed; None leaves them as segmentation sees them.
         seed: Seed of every choice.
-        samples_per_instance: Points taken from a random object at a time until a batch is full, so that large objects
-            do not crowd out small ones, as in the authors' program; 0 draws all points with equal odds.
-        plain_share: Share of the batches drawn with equal odds all the same, from the voxels seen for the first time if
-            they suffice: such batches are what segmentation pools over.
+        samples_per_instance: Points taken from a random object at a time until a batch is full, so
+            that large objects do not crowd out small ones, as in the authors' program; 0 draws all
+            points with equal odds.
+        plain_share: Share of the batches drawn with equal odds all the same, from the voxels seen
+            for the first time if they suffice: such batches are what segmentation pools over.
 
     Raises:
         McpsegError: No scan has a point that can be drawn.
@@ -93,13 +111,16 @@ class BatchSource:
         """Return the batches of an epoch: one for each scan with points to draw."""
         return len(self._scan_of)
 
-    def epoch(self, number: int, *, rank: int = 0, world: int = 1, start: int = 0) -> Iterator[Batch]:
+    def epoch(
+        self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
+    ) -> Iterator[Batch]:
         """Draw one batch from every scan, in an order shuffled for each epoch.
 
         Args:
             number: Number of the epoch, from 0.
             rank: This process; it takes every ``world``-th batch.
-            world: Number of processes. All draw equally many batches, up to ``world - 1`` scans sit out.
+            world: Number of processes. All draw equally many batches, up to ``world - 1`` scans sit
+                out.
             start: Batches of this process to pass over; what follows is the same as without.
 
         Yields:
@@ -108,7 +129,9 @@ class BatchSource:
         order = np.random.default_rng((self._seed, number)).permutation(len(self))
         for step in range(start, len(self) // world):
             position = world * step + rank
-            rng = np.random.default_rng((self._seed, number, position + 1))  # 0 would be the generator of the order
+            rng = np.random.default_rng(
+                (self._seed, number, position + 1)
+            )  # 0 would be the generator of the order
             place = order[position]
             yield self._draw(self._areas[self._area_of[place]], int(self._scan_of[place]), rng)
 
@@ -143,7 +166,11 @@ class BatchSource:
             return pool[choose_balanced(instance, self._batch_size, self._per_instance, rng)]
         new = pool[pool < scan.num_new]
         pool = new if len(new) >= _FEWEST else pool
-        return pool[_filled(rng.permutation(len(pool))[: self._batch_size], len(pool), self._batch_size, rng)]
+        return pool[
+            _filled(
+                rng.permutation(len(pool))[: self._batch_size], len(pool), self._batch_size, rng
+            )
+        ]
 
 
 class _Area:
@@ -160,7 +187,9 @@ class _Area:
         for first in range(0, self.samples.num_scans, _SCANS_AT_ONCE):
             last = min(first + _SCANS_AT_ONCE, self.samples.num_scans)
             total = np.concatenate([[0], np.cumsum(self.usable[self.samples.voxels(first, last)])])
-            counts.append(np.diff(total[self.samples.starts[first : last + 1] - self.samples.starts[first]]))
+            counts.append(
+                np.diff(total[self.samples.starts[first : last + 1] - self.samples.starts[first]])
+            )
         return np.flatnonzero(np.concatenate(counts) >= _FEWEST_USABLE)
 
 
@@ -168,7 +197,11 @@ class _Gone:
     """The voxels that an augmented batch lacks: cut away, thinned out, or remembered from earlier scans only."""
 
     def __init__(
-        self, area: AreaSamples, scan: ScanSamples, settings: AugmentSettings, rng: np.random.Generator
+        self,
+        area: AreaSamples,
+        scan: ScanSamples,
+        settings: AugmentSettings,
+        rng: np.random.Generator,
     ) -> None:
         self._area, self._scan = area, scan
         self._cut = draw_cut(settings, rng)
@@ -240,7 +273,9 @@ def choose_balanced(
         (count,) rows of ``instance``: each at most once, unless there are fewer than ``count``.
     """
     order = rng.permutation(len(instance))
-    order = order[np.argsort(instance[order], kind="stable")]  # object by object, each in random order
+    order = order[
+        np.argsort(instance[order], kind="stable")
+    ]  # object by object, each in random order
     ends = [*(np.flatnonzero(np.diff(instance[order])) + 1).tolist(), len(order)]
     left = [list(span) for span in zip([0, *ends[:-1]], ends, strict=True)]
     chosen: list[NDArray[np.intp]] = []
@@ -258,7 +293,9 @@ def choose_balanced(
     return _filled(np.concatenate(chosen), len(instance), count, rng)
 
 
-def _filled(rows: NDArray[np.intp], num_rows: int, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+def _filled(
+    rows: NDArray[np.intp], num_rows: int, count: int, rng: np.random.Generator
+) -> NDArray[np.intp]:
     """Fill up to ``count`` rows by sampling with replacement."""
     return np.concatenate([rows, rng.integers(num_rows, size=count - len(rows))])
 
@@ -290,3 +327,15 @@ def number_locally(ids: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[n
             count += 1
         number[i] = slots[slot]
     return unique[:count].copy(), number
+
+
+class Batches(Protocol):
+    """Where batches come from; ``samples.BatchSource`` is one."""
+
+    def __len__(self) -> int:
+        """Count the batches of an epoch."""
+
+    def epoch(
+        self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
+    ) -> Iterator[Batch]:
+        """Yield every ``world``-th batch of an epoch from number ``rank`` on, without the first ``start`` of these."""

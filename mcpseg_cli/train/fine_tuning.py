@@ -24,9 +24,15 @@ def adopt(network: Network, info: WeightsInfo, weights: Weights) -> list[str]:
     """
     if weights.info.architecture != info.architecture:
         remedy = f"choose other weights, or --net {weights.info.architecture}"
-        raise WeightsError(f"--init {weights.name}", weights.info.architecture, info.architecture, remedy)
+        raise WeightsError(
+            f"--init {weights.name}", weights.info.architecture, info.architecture, remedy
+        )
     head, known = _class_head(network), _class_head(weights.network)
-    rows = [(info.classes.index(name), row) for row, name in enumerate(weights.info.classes) if name in info.classes]
+    rows = [
+        (info.classes.index(name), row)
+        for row, name in enumerate(weights.info.classes)
+        if name in info.classes
+    ]
     with torch.no_grad():
         for tensor, other in zip(network.parameters(), weights.network.parameters(), strict=True):
             if tensor is not head.weight and tensor is not head.bias:

@@ -12,9 +12,9 @@ from pydantic import JsonValue
 
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.train.batches import AreaSamples, BatchSource, prepare_samples
-from mcpseg_cli.train.folds import Area, Fold, trained_classes
-from mcpseg_cli.train.trainer import Batches
+from mcpseg_cli.train.batches import AreaSamples, Batches, BatchSource, prepare_samples
+from mcpseg_cli.train.class_table import trained_classes
+from mcpseg_cli.train.folds import Area, Fold
 
 Note = Callable[[str, int, int], None]
 """Told an area, its scans done and its scans in all."""
@@ -87,7 +87,9 @@ def _cache_file(area: Area, cache: Path) -> Path:
     return cache / f"{area.name.replace('/', '-')}-{digest[:12]}.h5"
 
 
-def fold_data(fold: Fold, prepared: Mapping[Area, AreaSamples], data: DataSettings, train: TrainSettings) -> FoldData:
+def fold_data(
+    fold: Fold, prepared: Mapping[Area, AreaSamples], data: DataSettings, train: TrainSettings
+) -> FoldData:
     """Make the sources of one fold's batches.
 
     Args:
@@ -101,30 +103,54 @@ def fold_data(fold: Fold, prepared: Mapping[Area, AreaSamples], data: DataSettin
     """
     assert train.batch_size is not None
     batch_size, seed = train.batch_size, train.seed
-    classes = trained_classes([prepared[area].classes for area in [*fold.training, *fold.validation]], data.mapping)
+    classes = trained_classes(
+        [prepared[area].classes for area in [*fold.training, *fold.validation]], data.mapping
+    )
     needs_context = train.architecture == "mcpnet"
     training = [_renamed(prepared[area], data.mapping) for area in fold.training]
     validation = [_renamed(prepared[area], data.mapping) for area in fold.validation]
     known = {name for area in training for name in area.classes if name in classes}
     if len(known) < 2:
         labels = dict.fromkeys(name for area in fold.training for name in prepared[area].classes)
-        raise InputError("--classes", f"data labelled {', '.join(labels)}", "two classes or more of them", "check both")
+        raise InputError(
+            "--classes",
+            f"data labelled {', '.join(labels)}",
+            "two classes or more of them",
+            "check both",
+        )
 
     def source(with_context: bool, augment: AugmentSettings | None) -> BatchSource:
         return BatchSource(
-            training, classes, batch_size=batch_size, with_context=with_context, augmentation=augment, seed=seed,
-            samples_per_instance=train.samples_per_instance, plain_share=train.plain_share,
-        )  # fmt: skip
+            training,
+            classes,
+            batch_size=batch_size,
+            with_context=with_context,
+            augmentation=augment,
+            seed=seed,
+            samples_per_instance=train.samples_per_instance,
+            plain_share=train.plain_share,
+        )
 
-    held_out = BatchSource(
-        validation, classes, batch_size=batch_size, with_context=needs_context, augmentation=None, seed=seed,
-        samples_per_instance=0,
-    ) if validation else None  # fmt: skip
+    held_out = (
+        BatchSource(
+            validation,
+            classes,
+            batch_size=batch_size,
+            with_context=needs_context,
+            augmentation=None,
+            seed=seed,
+            samples_per_instance=0,
+        )
+        if validation
+        else None
+    )
     facts: dict[str, JsonValue] = {
         "training_areas": _facts(fold.training, prepared),
         "validation_areas": _facts(fold.validation, prepared),
     }
-    return FoldData(classes, source(needs_context, data.augment), held_out, source(False, None), facts)
+    return FoldData(
+        classes, source(needs_context, data.augment), held_out, source(False, None), facts
+    )
 
 
 def _renamed(area: AreaSamples, mapping: Mapping[str, str] | None) -> AreaSamples:

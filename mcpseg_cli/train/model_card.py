@@ -24,21 +24,34 @@ def model_card(record: Mapping[str, JsonValue]) -> str:
     lines += ["", "## Curves", "", *_curves(record)]
     lines += ["", "## Settings", ""]
     augmentation = _part(identity, "augmentation")
-    groups = (("training", settings), ("samples", _part(identity, "samples")), ("augmentation", augmentation))
-    lines += [f"* {title}: " + ", ".join(f"`{key}` {_value(group[key])}" for key in group) for title, group in groups]
+    groups = (
+        ("training", settings),
+        ("samples", _part(identity, "samples")),
+        ("augmentation", augmentation),
+    )
+    lines += [
+        f"* {title}: " + ", ".join(f"`{key}` {_value(group[key])}" for key in group)
+        for title, group in groups
+    ]
     lines += ["", "## Make it again", "", f"    {record['command']}", ""]
     return "\n".join(lines)
 
 
 def _introduction(record: Mapping[str, JsonValue]) -> list[str]:
     """Say in a sentence or two what this is."""
-    lines = [f"Weights of the network `{record['architecture']}`, made by mcpseg {record['mcpseg']}."]
+    lines = [
+        f"Weights of the network `{record['architecture']}`, made by mcpseg {record['mcpseg']}."
+    ]
     if not record["complete"]:
-        lines.append(f"**Training was interrupted after {record['epochs']} epochs**; `--resume` continues it.")
+        lines.append(
+            f"**Training was interrupted after {record['epochs']} epochs**; `--resume` continues it."
+        )
     return lines
 
 
-def _facts(record: Mapping[str, JsonValue], identity: Mapping[str, JsonValue]) -> list[tuple[str, str]]:
+def _facts(
+    record: Mapping[str, JsonValue], identity: Mapping[str, JsonValue]
+) -> list[tuple[str, str]]:
     """Say in short lines what the weights are and come from."""
     classes = record["classes"]
     assert isinstance(classes, list)
@@ -58,14 +71,20 @@ def _facts(record: Mapping[str, JsonValue], identity: Mapping[str, JsonValue]) -
         ("classes", f"{len(classes)}: {', '.join(map(str, classes))}"),
         ("trained on", _areas(identity["training_areas"])),
         ("held out", _areas(identity["validation_areas"]) or "nothing"),
-        ("weights of", chosen + (", chosen by validation" if record["validation"] else ", the last")),
+        (
+            "weights of",
+            chosen + (", chosen by validation" if record["validation"] else ", the last"),
+        ),
         ("time", f"{seconds:,.0f} s on {record['device']}, torch {record['torch']}"),
     ]
     if record["init_name"] is not None:
         fresh = record["new_classes"]
         assert isinstance(fresh, list)
         rows.append(
-            ("started from", f"`{record['init_name']}`; classes new to it: {', '.join(map(str, fresh)) or 'none'}")
+            (
+                "started from",
+                f"`{record['init_name']}`; classes new to it: {', '.join(map(str, fresh)) or 'none'}",
+            )
         )
     return rows
 
@@ -86,16 +105,28 @@ def _scores(record: Mapping[str, JsonValue]) -> list[str]:
     if not held_out and record["train"] is None:
         return ["None yet."]
     scores = _part(record, "validation" if held_out else "train")
-    where = "Of batches of the held-out areas" if held_out else "Of training batches, for nothing was held out"
-    lines = [f"{where}; not of whole scans labelled by `mcpseg segment`, for which see `mcpseg eval`.", ""]
-    lines += ["| loss | class accuracy | mIoU (present classes) | embedding accuracy |", "|---|---|---|---|"]
+    where = (
+        "Of batches of the held-out areas"
+        if held_out
+        else "Of training batches, for nothing was held out"
+    )
+    lines = [
+        f"{where}; not of whole scans labelled by `mcpseg segment`, for which see `mcpseg eval`.",
+        "",
+    ]
+    lines += [
+        "| loss | class accuracy | mIoU (present classes) | embedding accuracy |",
+        "|---|---|---|---|",
+    ]
     keys = ("loss", "accuracy", "miou", "embedding_accuracy")
     lines += ["| " + " | ".join(_number(scores[key]) for key in keys) + " |", ""]
     classes, iou = record["classes"], scores["iou"]
     assert isinstance(classes, list)
     assert isinstance(iou, list)
     lines += ["| class | IoU |", "|---|---|"]
-    return lines + [f"| {name} | {_number(value)} |" for name, value in zip(classes, iou, strict=True)]
+    return lines + [
+        f"| {name} | {_number(value)} |" for name, value in zip(classes, iou, strict=True)
+    ]
 
 
 def _curves(record: Mapping[str, JsonValue]) -> list[str]:
@@ -124,9 +155,14 @@ def _curves(record: Mapping[str, JsonValue]) -> list[str]:
             continue
         train = _part(report, "train")
         held_out = {} if report["validation"] is None else _part(report, "validation")
-        cells = [f"**{epoch}**" if epoch == best else str(epoch), _number(report["learning_rate"], 3)]
+        cells = [
+            f"**{epoch}**" if epoch == best else str(epoch),
+            _number(report["learning_rate"], 3),
+        ]
         cells += [_number(train[key]) for key in ("loss", "accuracy", "embedding_accuracy")]
-        cells += [_number(held_out.get(key)) for key in ("loss", "accuracy", "miou", "embedding_accuracy")]
+        cells += [
+            _number(held_out.get(key)) for key in ("loss", "accuracy", "miou", "embedding_accuracy")
+        ]
         lines.append(_row(cells))
     return lines
 

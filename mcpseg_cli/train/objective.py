@@ -5,21 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.sgpn import SGPN
+from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.losses import (
-    UNKNOWN_CLASS,
     classification_loss,
     sgpn_confidence_loss,
     sgpn_double_hinge_loss,
     triplet_semihard_loss,
 )
-
-_LOSSES = 3  # class, instance, confidence
 
 
 @dataclass(frozen=True)
@@ -59,11 +56,14 @@ class Objective:
 
     Args:
         settings: Margin, weights, precision.
-        class_weights: (C,) float32: what an error on a point of each class costs; None: all the same.
+        class_weights: (C,) float32: what an error on a point of each class costs; None: all the
+            same.
         device: Where the network runs.
     """
 
-    def __init__(self, settings: TrainSettings, class_weights: Tensor | None, device: torch.device) -> None:
+    def __init__(
+        self, settings: TrainSettings, class_weights: Tensor | None, device: torch.device
+    ) -> None:
         self._settings = settings
         self._class_weights = None if class_weights is None else class_weights.to(device)
         weights = (settings.class_weight, settings.instance_weight, settings.confidence_weight)
@@ -77,7 +77,9 @@ class Objective:
     def evaluate(self, network: Network, batch: TensorBatch) -> Outcome:
         """Run a network on one batch and compute its losses; points without an object count in the class loss only."""
         features = confidence = None
-        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._settings.precision == "bf16"):
+        with torch.autocast(
+            self._device.type, torch.bfloat16, enabled=self._settings.precision == "bf16"
+        ):
             if isinstance(network, SGPN):
                 features, logits, confidence = network.branches(batch.centre)
                 embedding = torch.nn.functional.normalize(features.float(), dim=-1, eps=1e-6)
@@ -91,7 +93,9 @@ class Objective:
         if embedding is not None and len(instance):
             if features is None or confidence is None:
                 embedding = embedding.float()
-                of_instance = triplet_semihard_loss(embedding[has_object], instance, self._settings.margin)
+                of_instance = triplet_semihard_loss(
+                    embedding[has_object], instance, self._settings.margin
+                )
             else:
                 near = features.float()[has_object]
                 of_instance = sgpn_double_hinge_loss(near, batch.semantic[has_object], instance)
@@ -99,91 +103,22 @@ class Objective:
         return Outcome(torch.stack([of_class, of_instance, of_confidence]), logits, embedding)
 
 
-class Scores(BaseModel):
-    """Means over some batches.
-
-    Attributes:
-        loss: The weighted sum that training makes small.
-        class_loss: Cross-entropy.
-        instance_loss: Triplet loss, or SGPN's double hinge; 0 for a network without embedding.
-        accuracy: Share of points of known class that are classified right.
-        miou: Mean intersection over union of the classes that occur; None where no class is known.
-        embedding_accuracy: Share of points whose nearest neighbour in embedding space, in their batch, is of their
-            object; None for a network without embedding.
-        iou: Of each class; None for one that does not occur.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    loss: float
-    class_loss: float
-    instance_loss: float
-    accuracy: float
-    miou: float | None
-    embedding_accuracy: float | None
-    iou: tuple[float | None, ...]
+def to_tensors(batch: Batch) -> TensorBatch:
+    """Copy a batch into torch's own memory, whose alignment does not change from run to run, on the processor."""
+    context = None if batch.context is None else torch.tensor(batch.context)
+    return TensorBatch(
+        torch.tensor(batch.centre),
+        context,
+        torch.tensor(batch.semantic),
+        torch.tensor(batch.instance),
+    )
 
 
-class Tally:
-    """Sums over batches that scores are made of, in one float64 tensor on the network's device.
-
-    Args:
-        num_classes: C.
-        device: Where the network runs.
-    """
-
-    def __init__(self, num_classes: int, device: torch.device) -> None:
-        self.num_classes = num_classes
-        # total loss, losses, batches, points near their object, points that have one; then the confusion matrix
-        self.sums = torch.zeros(1 + _LOSSES + 3 + num_classes * (num_classes + 1), dtype=torch.float64, device=device)
-
-    @torch.no_grad()
-    def add(self, outcome: Outcome, total: Tensor, batch: TensorBatch) -> None:
-        """Count one batch."""
-        sums, classes = self.sums, self.num_classes
-        sums[0] += total.detach()
-        sums[1 : 1 + _LOSSES] += outcome.losses.detach()
-        sums[1 + _LOSSES] += 1
-        if outcome.embedding is not None:
-            has_object = batch.instance > 0
-            right = nearest_is_of_same_object(outcome.embedding.detach()[has_object], batch.instance[has_object])
-            sums[2 + _LOSSES] += right.sum()
-            sums[3 + _LOSSES] += len(right)
-        row = batch.semantic.masked_fill(batch.semantic == UNKNOWN_CLASS, classes)
-        cell = row * classes + outcome.logits.detach().argmax(dim=-1)
-        sums[4 + _LOSSES :].scatter_add_(0, cell, torch.ones_like(cell, dtype=sums.dtype))
-
-    def scores(self) -> Scores:
-        """Compute the means; all batches must have been counted that they are to be of."""
-        sums = self.sums.cpu()
-        batches, near, objects = sums[1 + _LOSSES : 4 + _LOSSES].tolist()
-        losses = (sums[: 1 + _LOSSES] / max(batches, 1)).tolist()
-        confusion = sums[4 + _LOSSES :].view(-1, self.num_classes)[:-1]  # true class, predicted class
-        right, true, predicted = confusion.diagonal(), confusion.sum(dim=1), confusion.sum(dim=0)
-        iou = (right / (true + predicted - right)).tolist()
-        present = [index for index, count in enumerate(true.tolist()) if count]
-        return Scores(
-            loss=losses[0],
-            class_loss=losses[1],
-            instance_loss=losses[2],
-            accuracy=float(right.sum() / true.sum().clamp(min=1)),
-            miou=sum(iou[index] for index in present) / len(present) if present else None,
-            embedding_accuracy=near / objects if objects else None,
-            iou=tuple(iou[index] if index in present else None for index in range(len(iou))),
-        )
-
-
-def nearest_is_of_same_object(embedding: Tensor, instance: Tensor) -> Tensor:
-    """Tell which points' nearest neighbour in embedding space is of their object.
-
-    Args:
-        embedding: (N, E) float of unit length.
-        instance: (N,) object id.
-
-    Returns:
-        (N,) bool; empty for fewer than two points.
-    """
-    if len(embedding) < 2:
-        return torch.zeros(0, dtype=torch.bool, device=instance.device)
-    cosine = (embedding @ embedding.T).fill_diagonal_(-torch.inf)  # (N, N)
-    return instance[cosine.argmax(dim=1)] == instance
+def move_batch(batch: TensorBatch, device: torch.device) -> TensorBatch:
+    """Move a batch to the device that the network is on."""
+    if device.type == "cpu":
+        return batch
+    context = None if batch.context is None else batch.context.to(device)
+    return TensorBatch(
+        batch.centre.to(device), context, batch.semantic.to(device), batch.instance.to(device)
+    )

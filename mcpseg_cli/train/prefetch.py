@@ -19,7 +19,8 @@ def ahead(items: Iterable[T], count: int) -> Iterator[Iterator[T]]:
         count: How many may be waiting.
 
     Yields:
-        An iterator over the items; it raises what drawing them raised. Leaving the context ends the thread.
+        An iterator over the items; it raises what drawing them raised. Leaving the context ends the
+        thread.
     """
     queue: Queue[tuple[T] | BaseException | None] = Queue(count)
     is_over = Event()

@@ -38,7 +38,9 @@ class Ranks:
         """Replace every gradient by its mean over all processes, in one message."""
         if self.world == 1:
             return
-        gradients = [torch.zeros_like(each) if each.grad is None else each.grad for each in parameters]
+        gradients = [
+            torch.zeros_like(each) if each.grad is None else each.grad for each in parameters
+        ]
         flat = self.sum(torch.cat([gradient.flatten() for gradient in gradients])) / self.world
         parts = torch.split(flat, [each.numel() for each in parameters])
         for parameter, part in zip(parameters, parts, strict=True):

@@ -30,7 +30,8 @@ class ScanSamples:
         position: (3,) float64 robot position, metres, map frame.
         floor: Height of the floor that segmentation would use, metres, map frame.
         num_new: M, how many voxels were seen for the first time; they come first.
-        voxel: (S,) int32 voxel of each sample: all new ones in the order of segmentation, then some seen before.
+        voxel: (S,) int32 voxel of each sample: all new ones in the order of segmentation, then some
+            seen before.
         context: (S, K) int32 voxels of its context points, from this and earlier scans.
         seen: (T,) int32 all voxels that this scan sees, ascending.
     """
@@ -88,7 +89,9 @@ class Replay:
             semantic, instance = self._read_truth(source, cloud)
             yield self._insert(number, scan, semantic, instance)
 
-    def _read_truth(self, source: ScanFile, cloud: Cloud) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    def _read_truth(
+        self, source: ScanFile, cloud: Cloud
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Read the labels of a scan and check that they are those of its points."""
         path = self._truth / source.path.name
         truth = read_cloud(path)
@@ -96,9 +99,13 @@ class Replay:
         if semantic is None or instance is None or not truth.classes:
             raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
         if not all(np.array_equal(truth.columns[axis], cloud.columns[axis]) for axis in "xyz"):
-            raise InputError(path, "other points than the scan's", "the same points in the same order", _REMEDY)
+            raise InputError(
+                path, "other points than the scan's", "the same points in the same order", _REMEDY
+            )
         if (self.classes or truth.classes) != truth.classes:
-            raise InputError(path, "another class table than the scans before", "one table for all", _REMEDY)
+            raise InputError(
+                path, "another class table than the scans before", "one table for all", _REMEDY
+            )
         if instance.min() < 0 or instance.max() > np.iinfo(np.int32).max:
             raise InputError(path, "object ids out of range", "0 to 2,147,483,647", _REMEDY)
         self.classes = truth.classes
@@ -106,7 +113,9 @@ class Replay:
         known = (labels >= 0) & (labels < len(truth.classes))
         return np.where(known, labels, UNKNOWN).astype(np.uint8), instance.astype(np.int32)
 
-    def _insert(self, number: int, scan: Scan, semantic: NDArray[np.uint8], instance: NDArray[np.int32]) -> ScanSamples:
+    def _insert(
+        self, number: int, scan: Scan, semantic: NDArray[np.uint8], instance: NDArray[np.int32]
+    ) -> ScanSamples:
         """Grow the map by one scan, in the steps of ``IncrementalSegmenter.register_scan``."""
         rng = np.random.default_rng((self.settings.seed, number))
         near, first_new = near_robot(scan, self.settings.local_range), len(self.map)
@@ -115,7 +124,9 @@ class Replay:
         self._semantic.append(semantic[near][founders])
         self._instance.append(instance[near][founders])
         if len(near_xyz := scan.xyz[near]):
-            self._floor = find_floor(self.settings.floor, self.map, scan.position, near_xyz, self._floor)
+            self._floor = find_floor(
+                self.settings.floor, self.map, scan.position, near_xyz, self._floor
+            )
         seen = np.sort(ids)
         seen = seen[np.diff(seen, prepend=-1) > 0]
         again = seen[: len(seen) - len(founders)]
@@ -142,7 +153,9 @@ def list_scans(area: Path) -> list[ScanFile]:
         OSError: The poses cannot be opened.
     """
     if not (area / "poses.csv").is_file():
-        raise InputError(area, "no poses.csv", "a folder that mcpseg raytrace wrote", "check the path")
+        raise InputError(
+            area, "no poses.csv", "a folder that mcpseg raytrace wrote", "check the path"
+        )
     scans = open_recording(area / "scans", area / "poses.csv")
     for source in scans:
         if not (area / "gt" / source.path.name).is_file():
@@ -158,7 +171,8 @@ def founding_points(ids: NDArray[np.int32], first_new: int) -> NDArray[np.intp]:
         first_new: Id of the first new voxel.
 
     Returns:
-        (M,) rows of ``ids``, in the order of the new voxels: ids are given in the order of the points.
+        (M,) rows of ``ids``, in the order of the new voxels: ids are given in the order of the
+        points.
     """
     highest = np.maximum.accumulate(np.maximum(ids, first_new - 1))
     return np.flatnonzero(np.diff(highest, prepend=first_new - 1) > 0)

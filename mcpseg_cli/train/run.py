@@ -16,16 +16,18 @@ from pydantic import JsonValue
 from mcpseg_cli import __version__
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import OutputError, StateError
-from mcpseg_cli.formats.whole import printable, write_whole
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
-from mcpseg_cli.train.checkpoint import EpochReport, check_identity, read_checkpoint, write_checkpoint
+from mcpseg_cli.resumable import check_identity, printable, write_whole
+from mcpseg_cli.train.checkpoint import read_checkpoint, write_checkpoint
 from mcpseg_cli.train.fine_tuning import adopt
 from mcpseg_cli.train.fold_data import DataSettings, FoldData
 from mcpseg_cli.train.folds import Fold
 from mcpseg_cli.train.model_card import model_card
+from mcpseg_cli.train.progress import EpochReport, Progress
 from mcpseg_cli.train.ranks import Ranks
-from mcpseg_cli.train.trainer import Progress, Trainer, balance
+from mcpseg_cli.train.schedule import balance
+from mcpseg_cli.train.trainer import Trainer
 
 _FORMAT = 1  # of the record
 
@@ -63,7 +65,11 @@ class TrainFiles:
                 f"{self.path('checkpoint')}: a training that was not finished; expected none; "
                 "give --resume to continue it or --overwrite to start anew"
             )
-        present = [self.path(ending) for ending in ("safetensors", "md", "json") if self.path(ending).exists()]
+        present = [
+            self.path(ending)
+            for ending in ("safetensors", "md", "json")
+            if self.path(ending).exists()
+        ]
         if present:
             raise OutputError(
                 f"{present[0]}: is there; expected a new name; choose another -o or --name, or give --overwrite"
@@ -86,7 +92,9 @@ class TrainFiles:
         try:
             document = json.loads(path.read_text())
         except ValueError as error:
-            raise StateError(f"{path}: not JSON; expected a record of training; give --overwrite") from error
+            raise StateError(
+                f"{path}: not JSON; expected a record of training; give --overwrite"
+            ) from error
         return document if isinstance(document, dict) and document.get("complete") else None
 
 
@@ -137,7 +145,13 @@ class TrainRun:
         anew: bool = False,
     ) -> None:
         settings, samples = request.settings, request.data.samples
-        self.files, self.request, self.data, self.ranks, self.device = files, request, data, ranks, device
+        self.files, self.request, self.data, self.ranks, self.device = (
+            files,
+            request,
+            data,
+            ranks,
+            device,
+        )
         self.info = WeightsInfo(
             architecture=settings.architecture,
             classes=data.classes,
@@ -148,7 +162,9 @@ class TrainRun:
         self.identity = self._identity()
         self.record = None if anew else files.record()
         network = self._first_network().to(device)
-        class_weights = balance(data.plain, len(data.classes)) if settings.class_balance == "sqrt" else None
+        class_weights = (
+            balance(data.plain, len(data.classes)) if settings.class_balance == "sqrt" else None
+        )
         self.trainer = Trainer(
             network, len(data.classes), settings, data.training, data.validation,
             ranks=ranks, class_weights=class_weights,
@@ -156,7 +172,9 @@ class TrainRun:
         self.has_resumed = False
         if self.record is not None:
             before = self.record.get("identity")
-            check_identity(files.path("json"), before if isinstance(before, dict) else {}, self.identity)
+            check_identity(
+                files.path("json"), before if isinstance(before, dict) else {}, self.identity
+            )
         elif not anew and files.path("checkpoint").exists():
             self.trainer.restore(read_checkpoint(files.path("checkpoint"), self.identity))
             self.has_resumed = True
@@ -189,7 +207,9 @@ class TrainRun:
             self.new_classes = adopt(network, self.info, self.request.init)
         return network
 
-    def run(self, minutes: float, should_stop: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
+    def run(
+        self, minutes: float, should_stop: Callable[[], bool] = lambda: False
+    ) -> Iterator[Progress]:
         """Train what is left; a checkpoint is written every few minutes, after every epoch and when stopped.
 
         Args:
@@ -219,7 +239,8 @@ class TrainRun:
     def write_results(self, *, keep_checkpoint: bool = False) -> dict[str, JsonValue]:
         """Write weights, card and record of what is trained so far; the checkpoint goes when that is all.
 
-        Before the end of the first epoch nothing is written: no one wants weights that nothing was learned in.
+        Before the end of the first epoch nothing is written: no one wants weights that nothing was
+        learned in.
 
         Args:
             keep_checkpoint: It stays nevertheless.
@@ -233,7 +254,9 @@ class TrainRun:
         if not self.trainer.curves:
             return self._record(None, 0)
         network = build_network(self.info)
-        network.load_state_dict({name: tensor.cpu() for name, tensor in self.trainer.best_network().items()})
+        network.load_state_dict(
+            {name: tensor.cpu() for name, tensor in self.trainer.best_network().items()}
+        )
         info = self.info.model_copy(update={"training": self._facts()})
         path = self.files.path("safetensors")
         save_weights(path, network, info)
@@ -286,7 +309,9 @@ class TrainRun:
             "epochs": len(self.trainer.curves),
             "best_epoch": best.epoch if best else 0,
             "train": best.train.model_dump(mode="json") if best else None,
-            "validation": best.validation.model_dump(mode="json") if best and best.validation else None,
+            "validation": best.validation.model_dump(mode="json")
+            if best and best.validation
+            else None,
             "seconds": round(sum(report.seconds for report in self.trainer.curves), 1),
             "device": self.device.type,
             "command": printable(shlex.join(self.request.command)),

@@ -24,7 +24,14 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _BLOCK = 1 << 15  # samples kept in memory before they are written: 7 MB
 _CHUNK_BYTES = 1 << 16
 _VERIFIED_BYTES = 1 << 22  # read at once to verify a file
-_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError)  # what h5py raises on damaged files
+_DAMAGE = (
+    OSError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+    TypeError,
+    MemoryError,
+)  # what h5py raises on damaged files
 _VOXELS: dict[str, tuple[str, tuple[int, ...]]] = {
     "xyz": ("<f4", (3,)), "rgb": ("|u1", (3,)), "semantic": ("|u1", ()), "instance": ("<i4", ()),
 }  # fmt: skip
@@ -49,7 +56,8 @@ class AreaSamples:
         starts: (num_scans + 1,) int64 where each scan's samples start.
         xyz: (V, 3) float32, metres, map frame: every voxel's point, mapped from the file.
         rgb: (V, 3) uint8, mapped from the file.
-        semantic: (V,) uint8 class of the point that founded the voxel, 255 unknown, mapped from the file.
+        semantic: (V,) uint8 class of the point that founded the voxel, 255 unknown, mapped from the
+            file.
         instance: (V,) int32 its object, 0 none, mapped from the file.
 
     Raises:
@@ -67,7 +75,9 @@ class AreaSamples:
             self._read_tables(self._open_file)
         except _DAMAGE as error:
             cause = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(path, f"no training samples ({cause[:160]})", "an undamaged file", "remove it") from error
+            raise InputError(
+                path, f"no training samples ({cause[:160]})", "an undamaged file", "remove it"
+            ) from error
 
     def __reduce__(self) -> tuple[type[AreaSamples], tuple[Path]]:
         return AreaSamples, (self.path,)
@@ -100,7 +110,9 @@ class AreaSamples:
         self.name = file.attrs["name"].decode()
         self.fingerprint: bytes = file.attrs["fingerprint"]
         self.classes: tuple[str, ...] = tuple(json.loads(file.attrs["classes"]))
-        self._position, self._floor, self._num_new, self.starts, self._seen_starts = (file[key][...] for key in _SCANS)
+        self._position, self._floor, self._num_new, self.starts, self._seen_starts = (
+            file[key][...] for key in _SCANS
+        )
         self.num_scans, self.num_samples = len(self._floor), len(file["voxel"])
         self.xyz = self._mapped(file["xyz"], np.float32)
         self.rgb = self._mapped(file["rgb"], np.uint8)
@@ -109,7 +121,9 @@ class AreaSamples:
 
     def _mapped(self, dataset: h5py.Dataset, dtype: type[ScalarT]) -> NDArray[ScalarT]:
         """Map a table into memory: rows picked here and there cost no call of HDF5 and no copy of the whole."""
-        table: NDArray[ScalarT] = np.memmap(self.path, dtype, "r", dataset.id.get_offset(), dataset.shape)
+        table: NDArray[ScalarT] = np.memmap(
+            self.path, dtype, "r", dataset.id.get_offset(), dataset.shape
+        )
         return table
 
     def _file(self) -> h5py.File:
@@ -117,18 +131,23 @@ class AreaSamples:
         if self._opened_by != os.getpid():
             file = _open(self.path)
             if file.attrs.get("fingerprint") != self.fingerprint:
-                raise InputError(self.path, "other samples than before", "the same file", "start again")
+                raise InputError(
+                    self.path, "other samples than before", "the same file", "start again"
+                )
             self._open_file, self._opened_by = file, os.getpid()
         return self._open_file
 
 
 def prepare_samples(
-    area: Path, settings: SampleSettings, cache: Path | None = None, progress: Progress | None = None
+    area: Path,
+    settings: SampleSettings,
+    cache: Path | None = None,
+    progress: Progress | None = None,
 ) -> AreaSamples:
     """Open the samples of an area; replay the area and write them first unless a valid file is there.
 
-    A file is valid for the same scans, poses, truth and settings, if undamaged. Several processes may prepare areas,
-    even the same one, at the same time.
+    A file is valid for the same scans, poses, truth and settings, if undamaged. Several processes
+    may prepare areas, even the same one, at the same time.
 
     Args:
         area: Folder that ``mcpseg raytrace`` wrote.
@@ -150,8 +169,13 @@ def prepare_samples(
         with h5py.File(stream, "w") as file:
             _write(file, stream, replay, progress)
             if not len(replay.map):
-                raise InputError(area, "no point near the robot", "points within local_range", "check the poses")
-            file.attrs["format"], file.attrs["fingerprint"] = np.bytes_(_FORMAT), np.bytes_(fingerprint)
+                raise InputError(
+                    area, "no point near the robot", "points within local_range", "check the poses"
+                )
+            file.attrs["format"], file.attrs["fingerprint"] = (
+                np.bytes_(_FORMAT),
+                np.bytes_(fingerprint),
+            )
             file.attrs["name"] = np.bytes_(area.resolve().name.encode(errors="replace"))
             file.attrs["classes"] = np.bytes_(json.dumps(replay.classes).encode())
             file.attrs["settings"] = np.bytes_(settings.model_dump_json().encode())
@@ -173,7 +197,9 @@ def area_fingerprint(area: Path, settings: SampleSettings) -> str:
     for source in list_scans(area):
         for path in (source.path, area / "gt" / source.path.name):
             facts = path.stat()
-            digest.update(f"{path.parent.name}/{path.name} {facts.st_size} {facts.st_mtime_ns}\n".encode())
+            digest.update(
+                f"{path.parent.name}/{path.name} {facts.st_size} {facts.st_mtime_ns}\n".encode()
+            )
     return digest.hexdigest()
 
 
@@ -217,10 +243,16 @@ def _write_tables(
     """Write the table of voxels and that of scans."""
     position, floor, num_new, sizes, seen = zip(*scans, strict=True)
     tables: dict[str, NDArray[np.generic]] = {
-        "xyz": replay.map.xyz, "rgb": replay.map.rgb, "semantic": replay.semantic, "instance": replay.instance,
-        "position": np.array(position, "<f8"), "floor": np.array(floor, "<f8"), "num_new": np.array(num_new, "<i8"),
-        "starts": np.cumsum([0, *sizes], dtype="<i8"), "seen_starts": np.cumsum([0, *seen], dtype="<i8"),
-    }  # fmt: skip
+        "xyz": replay.map.xyz,
+        "rgb": replay.map.rgb,
+        "semantic": replay.semantic,
+        "instance": replay.instance,
+        "position": np.array(position, "<f8"),
+        "floor": np.array(floor, "<f8"),
+        "num_new": np.array(num_new, "<i8"),
+        "starts": np.cumsum([0, *sizes], dtype="<i8"),
+        "seen_starts": np.cumsum([0, *seen], dtype="<i8"),
+    }
     for name, table in tables.items():
         file.create_dataset(name, data=table.astype(_VOXELS[name][0]) if name in _VOXELS else table)
 
@@ -235,15 +267,21 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
         return False
     with path.open("rb") as raw:
         if raw.read(len(_SIGNATURE)) not in (_SIGNATURE, b""):
-            raise OutputError(f"{path}: not a file of training samples; expected one or none; choose another name")
+            raise OutputError(
+                f"{path}: not a file of training samples; expected one or none; choose another name"
+            )
     try:
         with _open(path) as file:
             if not file.attrs.get("format", b"").startswith(b"mcpseg samples"):
-                raise OutputError(f"{path}: HDF5 of something else; expected training samples; choose another name")
+                raise OutputError(
+                    f"{path}: HDF5 of something else; expected training samples; choose another name"
+                )
             if file.attrs["fingerprint"] != fingerprint.encode():
                 return False
             checksums = json.loads(file.attrs["crc32"])
-            return all(_checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *_STREAMS))
+            return all(
+                _checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *_STREAMS)
+            )
     except _DAMAGE:
         return False
 

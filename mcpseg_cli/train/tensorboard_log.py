@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.train.checkpoint import EpochReport
+from mcpseg_cli.train.progress import EpochReport
 
 
 class TensorBoardLog:
@@ -26,7 +26,10 @@ class TensorBoardLog:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError as error:
             raise InputError(
-                "--tensorboard", "TensorBoard is not installed", "it", "pip install 'mcpseg[tensorboard]'"
+                "--tensorboard",
+                "TensorBoard is not installed",
+                "it",
+                "pip install 'mcpseg[tensorboard]'",
             ) from error
         self._writer = SummaryWriter(str(folder), purge_step=first_epoch)
 
@@ -34,7 +37,10 @@ class TensorBoardLog:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._writer.close()
 
@@ -42,7 +48,14 @@ class TensorBoardLog:
         """Log one epoch."""
         self._writer.add_scalar("learning_rate", report.learning_rate, report.epoch)
         for name, scores in (("training", report.train), ("held out", report.validation)):
-            for key in ("loss", "class_loss", "instance_loss", "accuracy", "miou", "embedding_accuracy"):
+            for key in (
+                "loss",
+                "class_loss",
+                "instance_loss",
+                "accuracy",
+                "miou",
+                "embedding_accuracy",
+            ):
                 value = None if scores is None else getattr(scores, key)
                 if value is not None:
                     self._writer.add_scalar(f"{key}/{name}", value, report.epoch)

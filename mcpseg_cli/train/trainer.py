@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import islice
 from time import perf_counter
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -17,11 +15,13 @@ from torch import Tensor
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import TrainingError
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.train.batches import Batch
-from mcpseg_cli.train.checkpoint import EpochReport, TrainState
-from mcpseg_cli.train.objective import Objective, Scores, Tally, TensorBatch
+from mcpseg_cli.train.batches import Batches
+from mcpseg_cli.train.objective import Objective, TensorBatch, move_batch, to_tensors
 from mcpseg_cli.train.prefetch import ahead
+from mcpseg_cli.train.progress import EpochReport, Progress, TrainState
 from mcpseg_cli.train.ranks import Ranks
+from mcpseg_cli.train.schedule import learning_rate
+from mcpseg_cli.train.scores import Scores, Tally
 
 _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
@@ -35,37 +35,10 @@ def _in_memory() -> Iterator[None]:
     except (RuntimeError, MemoryError) as error:
         words = ("out of memory", "can't allocate memory", "not enough memory")
         if isinstance(error, MemoryError) or any(each in str(error) for each in words):
-            raise TrainingError("out of memory; expected room for a batch; lower --batch-size") from error
+            raise TrainingError(
+                "out of memory; expected room for a batch; lower --batch-size"
+            ) from error
         raise
-
-
-class Batches(Protocol):
-    """Where batches come from; ``samples.BatchSource`` is one."""
-
-    def __len__(self) -> int:
-        """Count the batches of an epoch."""
-
-    def epoch(self, number: int, *, rank: int = 0, world: int = 1, start: int = 0) -> Iterator[Batch]:
-        """Yield every ``world``-th batch of an epoch from number ``rank`` on, without the first ``start`` of these."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where training is.
-
-    Attributes:
-        epoch: Number of the epoch at hand, from 1.
-        step: Steps done of it.
-        num_steps: Steps it has.
-        scores: Means over its batches so far, in this process.
-        finished: The epoch's report, once it is over.
-    """
-
-    epoch: int
-    step: int
-    num_steps: int
-    scores: Scores
-    finished: EpochReport | None = None
 
 
 class Trainer:
@@ -78,7 +51,8 @@ class Trainer:
         training: Batches to learn from.
         validation: Batches to choose the best weights by; None: the last weights are the best.
         ranks: The processes that share the work; each has its own ``Trainer`` of the same network.
-        class_weights: (C,) float32: what an error on a point of each class costs; None: all the same.
+        class_weights: (C,) float32: what an error on a point of each class costs; None: all the
+            same.
 
     Raises:
         TrainingError: There are too few batches for a step, or to validate in every process.
@@ -104,7 +78,9 @@ class Trainer:
         self._device = self._parameters[0].device
         self._objective = Objective(settings, class_weights, self._device)
         # with a weight decay of 0, AdamW is Adam (III-D)
-        self._optimiser = torch.optim.AdamW(self._parameters, weight_decay=settings.weight_decay, fused=True)
+        self._optimiser = torch.optim.AdamW(
+            self._parameters, weight_decay=settings.weight_decay, fused=True
+        )
         self._step = 0  # of the epoch at hand
         self._tally = Tally(num_classes, self._device)
         self._check()
@@ -112,7 +88,9 @@ class Trainer:
     def _check(self) -> None:
         """Refuse data that is not enough for the processes there are."""
         if self.num_steps == 0:
-            raise TrainingError(f"{len(self._training)} batches; expected enough for a step; give more scans")
+            raise TrainingError(
+                f"{len(self._training)} batches; expected enough for a step; give more scans"
+            )
         if self._validation is not None and self._num_validation_batches == 0:
             raise TrainingError(
                 f"fewer held-out batches than the {self.ranks.world} processes; expected one for each; "
@@ -129,7 +107,9 @@ class Trainer:
     @property
     def num_steps(self) -> int:
         """Steps of an epoch."""
-        num_batches = min(len(self._training), self.settings.batches_per_epoch or len(self._training))
+        num_batches = min(
+            len(self._training), self.settings.batches_per_epoch or len(self._training)
+        )
         return num_batches // (self.settings.batches_per_step * self.ranks.world)
 
     @property
@@ -142,7 +122,9 @@ class Trainer:
         """True after the last epoch, or when patience is at its end."""
         waited = sum(report.validation is not None for report in self.curves[self.best :])
         patience = self.settings.patience
-        return len(self.curves) >= self.settings.epochs or (patience is not None and waited >= patience)
+        return len(self.curves) >= self.settings.epochs or (
+            patience is not None and waited >= patience
+        )
 
     def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
         """Train until the last epoch, or until validation has not improved for long enough.
@@ -151,7 +133,8 @@ class Trainer:
             should_stop: Asked after each step; True, in any process, ends the run early in all.
 
         Yields:
-            Progress every ten steps and after every epoch; ``state`` may be saved then, to go on from.
+            Progress every ten steps and after every epoch; ``state`` may be saved then, to go on
+            from.
 
         Raises:
             TrainingError: The loss is no longer a number, or the memory does not suffice.
@@ -175,10 +158,12 @@ class Trainer:
     def _steps_left(self) -> Iterator[list[TensorBatch]]:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
         each, world = self.settings.batches_per_step, self.ranks.world
-        source = self._training.epoch(len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each)
+        source = self._training.epoch(
+            len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each
+        )
         with ahead(map(to_tensors, source), _BATCHES_AHEAD + each) as batches:
             for _ in range(self._step, self.num_steps):
-                yield [_move(batch, self._device) for batch in islice(batches, each)]
+                yield [move_batch(batch, self._device) for batch in islice(batches, each)]
 
     @_in_memory()
     def _learn(self, batches: Sequence[TensorBatch]) -> None:
@@ -212,8 +197,10 @@ class Trainer:
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
         source = self._validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
-        with ahead(map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD) as batches:
-            for batch in (_move(batch, self._device) for batch in batches):
+        with ahead(
+            map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD
+        ) as batches:
+            for batch in (move_batch(batch, self._device) for batch in batches):
                 outcome = self._objective.evaluate(self.network, batch)
                 tally.add(outcome, self._objective.total(outcome), batch)
                 if self.ranks.any(should_stop(), self._device):
@@ -234,7 +221,9 @@ class Trainer:
         )
         if validation is not None and (self.best == 0 or self._is_better(validation)):
             self.best = report.epoch
-            self._best_network = {name: tensor.clone() for name, tensor in self.network.state_dict().items()}
+            self._best_network = {
+                name: tensor.clone() for name, tensor in self.network.state_dict().items()
+            }
         progress = self._progress(scores, report)
         self.curves.append(report)
         self._step = 0
@@ -270,7 +259,11 @@ class Trainer:
             best=self.best,
             network=self.network.state_dict(),
             best_network=self._best_network,
-            optimiser={f"{index}.{name}": tensor for index in moments for name, tensor in moments[index].items()},
+            optimiser={
+                f"{index}.{name}": tensor
+                for index in moments
+                for name, tensor in moments[index].items()
+            },
             sums=self._tally.sums,
         )
 
@@ -278,7 +271,9 @@ class Trainer:
         """Go on from what ``state`` returned, on any device."""
         self._step, self.curves, self.best = state.step, list(state.curves), state.best
         self.network.load_state_dict(state.network)
-        self._best_network = {name: tensor.to(self._device) for name, tensor in state.best_network.items()}
+        self._best_network = {
+            name: tensor.to(self._device) for name, tensor in state.best_network.items()
+        }
         moments: dict[int, dict[str, Tensor]] = {}
         for key, tensor in state.optimiser.items():
             index, _, name = key.partition(".")
@@ -286,47 +281,11 @@ class Trainer:
         groups = self._optimiser.state_dict()["param_groups"]
         self._optimiser.load_state_dict({"state": moments, "param_groups": groups})
         # other processes count their own share of the epoch anew
-        self._tally.sums = state.sums.to(self._device) if self.ranks.rank == 0 else torch.zeros_like(self._tally.sums)
-
-
-def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> float:
-    """Compute the learning rate of a step, counted from 0 over the whole run.
-
-    Args:
-        step: Steps before it.
-        steps_per_epoch: Steps of an epoch.
-        settings: Peak, warm-up and schedule.
-
-    Returns:
-        The peak; less during the warm-up, which is linear; a half cosine down to 0 after it, if that is the schedule.
-    """
-    warm_up = settings.warm_up * steps_per_epoch
-    if step < warm_up:
-        return settings.learning_rate * (step + 1) / (warm_up + 1)
-    if settings.schedule == "constant":
-        return settings.learning_rate
-    share = (step - warm_up) / max(settings.epochs * steps_per_epoch - warm_up, 1)
-    return settings.learning_rate * (1 + math.cos(math.pi * share)) / 2
-
-
-def balance(batches: Batches, num_classes: int, max_batches: int = 200) -> Tensor:
-    """Weight classes by the inverse root of how often they occur, so that the weighted mean of the weights is 1.
-
-    Args:
-        batches: To count in: the first ``max_batches`` of epoch 0.
-        num_classes: C.
-        max_batches: Enough to know the frequencies by.
-
-    Returns:
-        (C,) float32; classes that do not occur weigh 1.
-    """
-    counts = np.zeros(num_classes)
-    for batch in islice(batches.epoch(0), max_batches):
-        counts += np.bincount(batch.semantic[batch.semantic < num_classes], minlength=num_classes)
-    weights = np.where(counts > 0, 1 / np.sqrt(np.maximum(counts, 1)), 0.0)
-    total = (weights * counts).sum()
-    weights = np.where(counts > 0, weights * counts.sum() / max(total, 1e-12), 1.0)
-    return torch.from_numpy(weights.astype(np.float32))
+        self._tally.sums = (
+            state.sums.to(self._device)
+            if self.ranks.rank == 0
+            else torch.zeros_like(self._tally.sums)
+        )
 
 
 @contextmanager
@@ -336,16 +295,3 @@ def _drop_out_by(seed: int, epoch: int, position: int, *, device: torch.device) 
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(key)
         yield
-
-
-def to_tensors(batch: Batch) -> TensorBatch:
-    """Copy a batch into torch's own memory, whose alignment does not change from run to run, on the processor."""
-    context = None if batch.context is None else torch.tensor(batch.context)
-    return TensorBatch(torch.tensor(batch.centre), context, torch.tensor(batch.semantic), torch.tensor(batch.instance))
-
-
-def _move(batch: TensorBatch, device: torch.device) -> TensorBatch:
-    if device.type == "cpu":
-        return batch
-    context = None if batch.context is None else batch.context.to(device)
-    return TensorBatch(batch.centre.to(device), context, batch.semantic.to(device), batch.instance.to(device))

@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.coverage AREA [AREA ...] [--every 1] [--threads 2] [--plot FOLDER]
 
-AREA is a folder in the S3DIS layout or any file that holds a labelled building. What could be seen is what 1-degree
-scans from every free cell of the driven region see, of 5 m reach; the automatic route scans every 0.2 m.
+AREA is a folder in the S3DIS layout or any file that holds a labelled building. What could be seen
+is what 1-degree scans from every free cell of the driven region see, of 5 m reach; the automatic
+route scans every 0.2 m.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from mcpseg_cli.raytrace.route_plot import plot_route
 SENSOR_HEIGHT = 1.0
 
 
-def seen_from(grid: OccupancyGrid, positions: np.ndarray, pattern: ScanPattern, threads: int) -> np.ndarray:
+def seen_from(
+    grid: OccupancyGrid, positions: np.ndarray, pattern: ScanPattern, threads: int
+) -> np.ndarray:
     """Mark the voxels that scans from any of the positions see."""
     directions = pattern.directions()
 
@@ -40,10 +43,14 @@ def seen_from(grid: OccupancyGrid, positions: np.ndarray, pattern: ScanPattern, 
         return is_seen
 
     with ThreadPoolExecutor(threads) as pool:
-        return np.logical_or.reduce(list(pool.map(look, [positions[part::threads] for part in range(threads)])))
+        return np.logical_or.reduce(
+            list(pool.map(look, [positions[part::threads] for part in range(threads)]))
+        )
 
 
-def measure(building: Building, every: int = 1, threads: int = 2, picture: Path | None = None) -> dict[str, object]:
+def measure(
+    building: Building, every: int = 1, threads: int = 2, picture: Path | None = None
+) -> dict[str, object]:
     """Plan the automatic route of one building and compare what it sees with what could be seen."""
     pattern, marks = ScanPattern(), [time.perf_counter()]
     plan = build_floor_plan(building.xyz)
@@ -54,12 +61,20 @@ def measure(building: Building, every: int = 1, threads: int = 2, picture: Path 
     marks.append(time.perf_counter())
     route = plan_route(plan, waypoints, sensor_height=SENSOR_HEIGHT)
     marks.append(time.perf_counter())
-    seconds = dict(zip(("floor_plan", "grid", "waypoints", "route"), np.diff(marks).round(2).tolist(), strict=True))
+    seconds = dict(
+        zip(
+            ("floor_plan", "grid", "waypoints", "route"),
+            np.diff(marks).round(2).tolist(),
+            strict=True,
+        )
+    )
     if picture is not None:
         plot_route(picture, plan, route, building)
 
     places = plan.centre_of(np.argwhere(plan.region == 1)[::every])
-    could = seen_from(grid, np.column_stack([places, plan.floor_at(places) + SENSOR_HEIGHT]), pattern, threads)
+    could = seen_from(
+        grid, np.column_stack([places, plan.floor_at(places) + SENSOR_HEIGHT]), pattern, threads
+    )
     does = seen_from(grid, route.positions, pattern, threads)
     return {
         "seen": f"{np.count_nonzero(does & could) / max(1, np.count_nonzero(could)):.2%}",
@@ -69,17 +84,27 @@ def measure(building: Building, every: int = 1, threads: int = 2, picture: Path 
         "waypoints": len(route.waypoints),
         "length_m": round(route.length, 1),
         "scans": len(route),
-        "unreachable": [room for room, share in reached_shares(building, plan, route.regions).items() if not share],
+        "unreachable": [
+            room
+            for room, share in reached_shares(building, plan, route.regions).items()
+            if not share
+        ],
         "seconds": seconds,
     }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("areas", nargs="+", type=Path, metavar="AREA")
-    parser.add_argument("--every", type=int, default=1, help="compare with one in so many free cells only")
+    parser.add_argument(
+        "--every", type=int, default=1, help="compare with one in so many free cells only"
+    )
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--plot", type=Path, metavar="FOLDER", help="draw each route as FOLDER/NAME.png")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FOLDER", help="draw each route as FOLDER/NAME.png"
+    )
     arguments = parser.parse_args()
     for area in arguments.areas:
         building, _ = read_building(area, use_cache=False)

@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.evaluation [--against-scikit-learn]
 
-Prints the seconds of every part, on one core, after a warm-up on a small area that compiles the kernels.
+Prints the seconds of every part, on one core, after a warm-up on a small area that compiles the
+kernels.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ def write_area(folder: Path, scale: float) -> tuple[np.ndarray, np.ndarray]:
     num_points = int(POINTS * scale)
     true = _stretches(num_points, round(TRUE_OBJECTS * scale), rng)
     pred = _stretches(num_points, round(PRED_OBJECTS * scale), rng)
-    stray = (rng.random(num_points) < 0.02) & (np.diff(pred, prepend=0) == 0)  # every object keeps its first point
+    stray = (rng.random(num_points) < 0.02) & (
+        np.diff(pred, prepend=0) == 0
+    )  # every object keeps its first point
     pred = np.where(stray, rng.permutation(pred), pred)
     row, column = np.divmod(np.arange(num_points), 1000)
     floor, row = np.divmod(row, 100)
@@ -42,15 +45,22 @@ def write_area(folder: Path, scale: float) -> tuple[np.ndarray, np.ndarray]:
     semantic = (np.arange(true.max() + 1) * 7 % 13).astype(np.uint8)
     guess = np.where(rng.random(pred.max() + 1) < 0.3, 0, 255).astype(np.uint8)
     first = np.unique(pred, return_index=True)
-    guess[first[0]] = np.where(guess[first[0]] == 0, rng.integers(0, 13, len(first[0])), semantic[true[first[1]]])
+    guess[first[0]] = np.where(
+        guess[first[0]] == 0, rng.integers(0, 13, len(first[0])), semantic[true[first[1]]]
+    )
     confidence = rng.random(num_points).astype(np.float32)
     columns = {axis: xyz[:, number] for number, axis in enumerate("xyz")}
     (folder / "gt").mkdir(parents=True)
-    rooms = [{"id": i, "name": f"room_{i * ROOMS // (true.max() + 1)}/object_{i}"} for i in range(1, true.max() + 1)]
+    rooms = [
+        {"id": i, "name": f"room_{i * ROOMS // (true.max() + 1)}/object_{i}"}
+        for i in range(1, true.max() + 1)
+    ]
     (folder / "raytrace.json").write_text(json.dumps({"objects": rooms}))
     own = columns | {"semantic": semantic[true], "instance": true.astype(np.int32)}
     for number, part in enumerate(np.array_split(rng.permutation(num_points), 8)):
-        write_cloud(folder / f"gt/{number}.ply", Cloud({k: v[part] for k, v in own.items()}, S3DIS_CLASSES))
+        write_cloud(
+            folder / f"gt/{number}.ply", Cloud({k: v[part] for k, v in own.items()}, S3DIS_CLASSES)
+        )
     labels = {"semantic": guess[pred], "instance": pred.astype(np.int32), "confidence": confidence}
     write_cloud(folder / "map.ply", Cloud(columns | labels, S3DIS_CLASSES))
     return true, pred
@@ -59,7 +69,9 @@ def write_area(folder: Path, scale: float) -> tuple[np.ndarray, np.ndarray]:
 def _stretches(num_points: int, count: int, rng: np.random.Generator) -> np.ndarray:
     """Cut a line of points into ``count`` stretches of very different length; (N,) ids from 1."""
     weights = rng.pareto(1.2, count) + 1e-3
-    starts = np.unique(np.append(0, (np.cumsum(weights[:-1]) / weights.sum() * num_points).astype(int)))
+    starts = np.unique(
+        np.append(0, (np.cumsum(weights[:-1]) / weights.sum() * num_points).astype(int))
+    )
     others = np.setdiff1d(np.arange(num_points), starts)
     starts = np.union1d(starts, rng.choice(others, count - len(starts), replace=False))
     return np.searchsorted(starts, np.arange(num_points), side="right")
@@ -68,7 +80,9 @@ def _stretches(num_points: int, count: int, rng: np.random.Generator) -> np.ndar
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--against-scikit-learn", action="store_true", help="Also compare AMI; takes a minute.")
+    parser.add_argument(
+        "--against-scikit-learn", action="store_true", help="Also compare AMI; takes a minute."
+    )
     arguments = parser.parse_args()
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with tempfile.TemporaryDirectory() as name:

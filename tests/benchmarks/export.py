@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.export [--voxels 5000000] [--formats laz ply …]
 
-The run is made up: a corridor that winds through the plane, noisy walls, floor and ceiling, a thousand voxels a scan,
-written through the checkpoint. Each format is exported in a process of its own, whose peak memory is its own.
+The run is made up: a corridor that winds through the plane, noisy walls, floor and ceiling, a
+thousand voxels a scan, written through the checkpoint. Each format is exported in a process of its
+own, whose peak memory is its own.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ import numpy as np
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.incremental.clustering import quantise
-from mcpseg_cli.segment.checkpoint import MapRows, ScanRecord, State
+from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 PER_SCAN = 1000
 STEP = 0.6
@@ -44,12 +47,16 @@ def make_run(folder: Path, voxels: int) -> None:
             pose[:3, 3] = (place * STEP, lane * LANE, 1.0)
             rows = corridor(pose[:3, 3], number, embedding, rng)
             known = (number + 1) * PER_SCAN
-            record = ScanRecord(f"{number:06d}.ply", 1, 1, "", pose, 2 * PER_SCAN, known, 0.0, None, "{}", 1)
+            record = ScanRecord(
+                f"{number:06d}.ply", 1, 1, "", pose, 2 * PER_SCAN, known, 0.0, None, "{}", 1
+            )
             merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
             state.commit(record, rows, merge)
 
 
-def corridor(robot: np.ndarray, number: int, embedding: np.ndarray, rng: np.random.Generator) -> MapRows:
+def corridor(
+    robot: np.ndarray, number: int, embedding: np.ndarray, rng: np.random.Generator
+) -> MapRows:
     """Make the voxels that one scan adds: floor, ceiling and two walls along one step."""
     surface = np.arange(PER_SCAN) % 4
     along, across = rng.uniform(0, STEP, PER_SCAN), rng.uniform(-2.0, 2.0, PER_SCAN)
@@ -61,7 +68,9 @@ def corridor(robot: np.ndarray, number: int, embedding: np.ndarray, rng: np.rand
     semantic = np.choose(surface, [1, 0, 2, 2]).astype(np.uint8)
     instance = (number * 40 + 1 + rng.integers(0, 40, PER_SCAN)).astype(np.int32)
     confidence = rng.uniform(0.3, 1.0, PER_SCAN).astype(np.float32)
-    return MapRows(xyz.astype(np.float32), grey.astype(np.uint8), semantic, confidence, instance, embedding)
+    return MapRows(
+        xyz.astype(np.float32), grey.astype(np.uint8), semantic, confidence, instance, embedding
+    )
 
 
 def measure(run: Path, output: Path, color: str) -> None:
@@ -82,7 +91,9 @@ def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--voxels", type=int, default=5_000_000)
-    parser.add_argument("--formats", nargs="+", default=["laz", "las", "ply", "pcd", "npz", "h5", "csv", "png"])
+    parser.add_argument(
+        "--formats", nargs="+", default=["laz", "las", "ply", "pcd", "npz", "h5", "csv", "png"]
+    )
     parser.add_argument("--color", default="rgb")
     parser.add_argument("--one", nargs=2, type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.lidar [--range 5] [--weights mcpnet]
 
-A 64-beam spinning lidar drives through a long hall with pillars; sweeps are binary PLY with intensity and ring.
+A 64-beam spinning lidar drives through a long hall with pillars; sweeps are binary PLY with
+intensity and ring.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import find_weights, load_weights
-from mcpseg_cli.segment.run import RunOptions, SegmentRun
+from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.run import SegmentRun
 
 NUM_SWEEPS = 100
 BEAMS, COLUMNS = 64, 2032  # 130,048 points a sweep
@@ -34,7 +36,11 @@ def sweep(number: int) -> tuple[Cloud, np.ndarray]:
     elevation = np.deg2rad(np.linspace(-30, 14.9, BEAMS))[:, None]
     azimuth = np.linspace(0, 2 * np.pi, COLUMNS, endpoint=False)[None, :] + 1e-3
     rays = np.stack(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation) + 0 * azimuth],
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation) + 0 * azimuth,
+        ],
         axis=2,
     ).reshape(-1, 3)
     with np.errstate(divide="ignore"):
@@ -43,7 +49,9 @@ def sweep(number: int) -> tuple[Cloud, np.ndarray]:
         for y in (-3.0, 3.0):
             offset = np.array([x, y]) - robot[:2]
             along = (rays[:, :2] @ offset) / np.maximum((rays[:, :2] ** 2).sum(axis=1), 1e-12)
-            apart = np.abs(rays[:, 0] * offset[1] - rays[:, 1] * offset[0]) / np.linalg.norm(rays[:, :2], axis=1)
+            apart = np.abs(rays[:, 0] * offset[1] - rays[:, 1] * offset[0]) / np.linalg.norm(
+                rays[:, :2], axis=1
+            )
             hit = (apart < 0.4) & (along > 0)
             reach[hit] = np.minimum(reach[hit], along[hit])
     xyz = (robot + rays * (reach + rng.normal(0, 0.01, len(reach)))[:, None]).astype(np.float32)
@@ -77,14 +85,17 @@ def main() -> None:
                 reports = list(run.run())
     ms = np.array([report.ms for report in reports])
     stages = {
-        stage: float(np.median([report.update.ms[stage] for report in reports])) for stage in reports[0].update.ms
+        stage: float(np.median([report.update.ms[stage] for report in reports]))
+        for stage in reports[0].update.ms
     }
     figures = {
         "sweeps_per_second": 1e3 * len(ms) / ms.sum(),
         "median_ms": float(np.median(ms)),
         "p95_ms": float(np.percentile(ms, 95)),
         "points_per_sweep": BEAMS * COLUMNS,
-        "points_in_range": float(np.mean([(report.update.point_ids >= 0).sum() for report in reports])),
+        "points_in_range": float(
+            np.mean([(report.update.point_ids >= 0).sum() for report in reports])
+        ),
         "new_voxels_per_sweep": float(np.mean([report.update.num_new for report in reports])),
         "stages_ms": {stage: round(value, 2) for stage, value in stages.items()},
     }

@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.page [--voxels 500000 1000000] [--run out/]
 
-Drawn in software: a graphics card is faster. A step is timed from the change until two more frames were on the screen.
+Drawn in software: a graphics card is faster. A step is timed from the change until two more frames
+were on the screen.
 """
 
 import argparse
@@ -33,7 +34,10 @@ STEP = """async share => {
 def measure(browser, run: Path, page_path: Path) -> dict[str, float]:
     """Export one run and use its page."""
     started = perf_counter()
-    subprocess.run([sys.executable, "-m", "mcpseg_cli", "export", str(run), "-o", str(page_path), "-q"], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "mcpseg_cli", "export", str(run), "-o", str(page_path), "-q"],
+        check=True,
+    )
     exported = perf_counter() - started
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     started = perf_counter()
@@ -41,14 +45,20 @@ def measure(browser, run: Path, page_path: Path) -> dict[str, float]:
     page.wait_for_selector('body[data-state="ready"]', state="attached", timeout=120_000)
     opened = perf_counter() - started
     page.wait_for_timeout(3000)
-    steps = [page.evaluate(STEP, share) for share in (0.1, 0.3, 0.5, 0.7, 0.9, 0.2, 0.4, 0.6, 0.8, 1.0)]
+    steps = [
+        page.evaluate(STEP, share) for share in (0.1, 0.3, 0.5, 0.7, 0.9, 0.2, 0.4, 0.6, 0.8, 1.0)
+    ]
     page.wait_for_timeout(3000)
     turns = [turn(page, pixels) for pixels in range(10, 110, 10)]
     page.close()
     size = page_path.stat().st_size / 1e6
     return {
-        "size_mb": size, "export_s": exported, "open_s": opened, "slider_ms": median(steps), "turn_ms": median(turns),
-    }  # fmt: skip
+        "size_mb": size,
+        "export_s": exported,
+        "open_s": opened,
+        "slider_ms": median(steps),
+        "turn_ms": median(turns),
+    }
 
 
 def turn(page, pixels: int) -> float:
@@ -57,7 +67,9 @@ def turn(page, pixels: int) -> float:
     page.mouse.down()
     started = perf_counter()
     page.mouse.move(700 + pixels, 400)
-    page.evaluate("async () => { for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame); }")
+    page.evaluate(
+        "async () => { for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame); }"
+    )
     elapsed = 1e3 * (perf_counter() - started)
     page.mouse.up()
     return elapsed
@@ -65,9 +77,13 @@ def turn(page, pixels: int) -> float:
 
 def main() -> None:
     """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--voxels", type=int, nargs="+", default=[500_000, 1_000_000])
-    parser.add_argument("--run", type=Path, nargs="*", default=[], help="folders that 'mcpseg segment' wrote")
+    parser.add_argument(
+        "--run", type=Path, nargs="*", default=[], help="folders that 'mcpseg segment' wrote"
+    )
     arguments = parser.parse_args()
     if CHROMIUM is None:
         sys.exit("no Chromium on this machine (Debian: apt-get install chromium)")

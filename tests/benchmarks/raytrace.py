@@ -2,10 +2,11 @@
 
     python -m tests.benchmarks.raytrace [AREA] [--scans 40] [--jobs 2]
 
-AREA is a building that 'mcpseg raytrace' reads; without it, a room of bare boxes stands in. Three figures: the
-milliseconds of one scan of 64,800 rays with its rays shared among the threads (what a robot in a loop waits for),
-milliseconds a scan of the whole command with scans shared among the threads and files written, and how many times
-faster the kernel is than its slow twin on the same rays.
+AREA is a building that 'mcpseg raytrace' reads; without it, a room of bare boxes stands in. Three
+figures: the milliseconds of one scan of 64,800 rays with its rays shared among the threads (what a
+robot in a loop waits for), milliseconds a scan of the whole command with scans shared among the
+threads and files written, and how many times faster the kernel is than its slow twin on the same
+rays.
 """
 
 from __future__ import annotations
@@ -60,7 +61,9 @@ def positions_in(scanner: VirtualScanner, num: int) -> np.ndarray:
     return position
 
 
-def scan_ms(scanner: VirtualScanner, positions: np.ndarray, jobs: int) -> tuple[float, float, float]:
+def scan_ms(
+    scanner: VirtualScanner, positions: np.ndarray, jobs: int
+) -> tuple[float, float, float]:
     """Median milliseconds of a scan: rays shared among ``jobs`` threads, rays in one thread, and voxels seen."""
     directions = scanner.pattern.directions()
     shared, alone, seen = [], [], []
@@ -73,7 +76,11 @@ def scan_ms(scanner: VirtualScanner, positions: np.ndarray, jobs: int) -> tuple[
             visible_voxels(scanner.grid, position, directions, 5.0)
             alone.append(perf_counter() - started)
             seen.append(len(voxels))
-    return 1e3 * float(np.median(shared[2:])), 1e3 * float(np.median(alone[2:])), float(np.median(seen[2:]))
+    return (
+        1e3 * float(np.median(shared[2:])),
+        1e3 * float(np.median(alone[2:])),
+        float(np.median(seen[2:])),
+    )
 
 
 def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, float]:
@@ -92,7 +99,10 @@ def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, fl
     some = directions[:: len(directions) // NUM_TWIN_RAYS]
     start = (position / grid.voxel_size + 0.5 - grid.low).tolist()
     started = perf_counter()
-    found = [reference.first_occupied(occupied, start, ray, 5.0 / grid.voxel_size) for ray in some.tolist()]
+    found = [
+        reference.first_occupied(occupied, start, ray, 5.0 / grid.voxel_size)
+        for ray in some.tolist()
+    ]
     twin_s = perf_counter() - started
     times = []
     for _ in range(50):

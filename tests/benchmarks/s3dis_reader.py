@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.s3dis_reader [--points 5000000] [--rooms 8]
 
-All inclusive: listing, reading, parsing, numbering objects. The text lies in the page cache; so does the HDF5 file.
+All inclusive: listing, reading, parsing, numbering objects. The text lies in the page cache; so
+does the HDF5 file.
 """
 
 from __future__ import annotations
@@ -71,15 +72,30 @@ def main() -> None:
         print(f"{points:,} points, {len(files):,} files, {num_bytes / 1e6:,.0f} MB of text")
         print(f"{'write':<34}{seconds:>9.3f} s{points / seconds / 1e6:>10.2f} million points/s")
         for threads in (1, 2):
-            timed(f"text, {threads} threads", points, lambda n=threads: read_area(area, threads=n, use_cache=False))
+            timed(
+                f"text, {threads} threads",
+                points,
+                lambda n=threads: read_area(area, threads=n, use_cache=False),
+            )
         timed("  of it: bytes from files", points, lambda: [file.read_bytes() for file in files])
         texts = [file.read_bytes() for file in files]
-        timed("  of it: bytes to arrays, 1 thread", points, lambda: [s3dis_text.read_lines(text) for text in texts])
+        timed(
+            "  of it: bytes to arrays, 1 thread",
+            points,
+            lambda: [s3dis_text.read_lines(text) for text in texts],
+        )
         timed("text and writing the cache", points, lambda: read_area(area), repeats=1)
         timed("cache", points, lambda: read_area(area))
         largest = max(files, key=lambda file: file.stat().st_size)
-        timed("numpy.loadtxt", LOADTXT_POINTS, lambda: np.loadtxt(largest, max_rows=LOADTXT_POINTS), repeats=1)
-        print(f"peak memory of all this: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:,.0f} MB")
+        timed(
+            "numpy.loadtxt",
+            LOADTXT_POINTS,
+            lambda: np.loadtxt(largest, max_rows=LOADTXT_POINTS),
+            repeats=1,
+        )
+        print(
+            f"peak memory of all this: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:,.0f} MB"
+        )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Fingerprints of everything mcpseg computes, to compare before and after a change that is to change nothing.
 
-``python -m tests.benchmarks.same_results -o before.json`` records them, ``--compare before.json`` makes them again and
-names what differs. Results in floating point depend on the processor: record and compare on one machine.
+``python -m tests.benchmarks.same_results -o before.json`` records them, ``--compare before.json``
+makes them again and names what differs. Results in floating point depend on the processor: record
+and compare on one machine.
 """
 
 import argparse
@@ -17,7 +18,15 @@ from tests.areas import write_area
 
 ROOT = Path(__file__).parents[2]
 WALK = ROOT / "examples" / "office_walk"
-METHODS = ("mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing")
+METHODS = (
+    "mcpnet",
+    "mcpnet-nocontext",
+    "pointnet",
+    "pointnet2",
+    "sgpn",
+    "voxnet",
+    "region-growing",
+)
 NUM_STYLES = 7
 MAKE_BUILDING = """
 import hashlib, sys
@@ -39,12 +48,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, help="JSON file to write")
     parser.add_argument("--compare", type=Path, help="JSON file written before")
+    parts = (segment_walk, make_buildings, train_tiny, raytrace_area)
+    names = [part.__name__ for part in parts]
+    parser.add_argument("--only", nargs="+", choices=names, default=names, help="parts to make")
     options = parser.parse_args()
 
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        for part in (segment_walk, make_buildings, train_tiny, raytrace_area):
-            found |= part(Path(folder))
+        for part in parts:
+            found |= part(Path(folder)) if part.__name__ in options.only else {}
             print(f"{part.__name__}: {len(found)} fingerprints so far", file=sys.stderr)
     if options.output:
         options.output.write_text(json.dumps(found, indent=1) + "\n")
@@ -52,7 +64,11 @@ def main() -> int:
         return 0
 
     before = json.loads(options.compare.read_text())
-    different = [name for name in sorted(before.keys() | found.keys()) if before.get(name) != found.get(name)]
+    if set(options.only) != set(names):
+        before = {name: before.get(name) for name in found}
+    different = [
+        name for name in sorted(before.keys() | found.keys()) if before.get(name) != found.get(name)
+    ]
     for name in different:
         print(f"{name}: {before.get(name)} before, {found.get(name)} now")
     print(f"{len(before) - len(different)} of {len(before)} fingerprints equal")
@@ -64,13 +80,22 @@ def segment_walk(folder: Path) -> dict[str, str]:
     found = {}
     for method in METHODS:
         out = folder / method
-        mcpseg("segment", WALK / "scans", WALK / "poses.csv", "-o", out, "--method", method, "--precision", "fp32")
+        mcpseg(
+            "segment",
+            WALK / "scans",
+            WALK / "poses.csv",
+            "-o",
+            out,
+            "--method",
+            method,
+            "--precision",
+            "fp32",
+        )
         for name in ("map.ply", "objects.json"):
             found[f"{method}/{name}"] = hash_files(out / name)
         found[f"{method}/scans"] = hash_files(*sorted((out / "scans").iterdir()))
         scores = json.loads(mcpseg("eval", out, WALK / "gt", "--json"))
         scores.pop("ms_per_scan")
-        scores.pop("run", None), scores.pop("output", None)
         text = json.dumps(scores, sort_keys=True).replace(str(folder), "").replace(str(ROOT), "")
         found[f"{method}/eval"] = hashlib.sha256(text.encode()).hexdigest()
     return found
@@ -78,7 +103,10 @@ def segment_walk(folder: Path) -> dict[str, str]:
 
 def make_buildings(folder: Path) -> dict[str, str]:
     """Hash a synthetic building of every style."""
-    return {f"style {style}": python("-c", MAKE_BUILDING, style).strip() for style in range(1, NUM_STYLES + 1)}
+    return {
+        f"style {style}": python("-c", MAKE_BUILDING, style).strip()
+        for style in range(1, NUM_STYLES + 1)
+    }
 
 
 def train_tiny(folder: Path) -> dict[str, object]:
@@ -88,7 +116,18 @@ def train_tiny(folder: Path) -> dict[str, object]:
     write_area(data / "Area_2", 4, seed=2)
     found: dict[str, object] = {}
     for net in ("mcpnet", "sgpn"):
-        options = ("--net", net, "--epochs", 1, "--batch-size", 64, "--seed", 3, "--overwrite", "-q")
+        options = (
+            "--net",
+            net,
+            "--epochs",
+            1,
+            "--batch-size",
+            64,
+            "--seed",
+            3,
+            "--overwrite",
+            "-q",
+        )
         mcpseg("train", data, "--holdout", 2, "-o", folder / "trained", *options)
         record = json.loads((folder / "trained" / f"{net}-holdout2.json").read_text())
         report = record["curves"][0]

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.scale [--voxels 5000000] [--weights mcpnet]
 
-Scans come from files and go through the whole of ``mcpseg segment``: read, label, commit, write. The corridor winds
-through the plane, so that no part of it is seen twice.
+Scans come from files and go through the whole of ``mcpseg segment``: read, label, commit, write.
+The corridor winds through the plane, so that no part of it is seen twice.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.objects import list_objects
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import Weights, find_weights, load_weights
-from mcpseg_cli.segment.run import RunOptions, SegmentRun
+from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.run import SegmentRun
 
 STEP = 1.0  # metres between scans
 RANGE = 4.0
@@ -50,7 +51,9 @@ def write_scan(folder: Path, number: int) -> ScanFile:
     xyz = (np.column_stack([along + robot[0], y + robot[1], z]) + noise).astype(np.float32)
     colour = np.choose(surface, [90, 220, 160, 170])[:, None] + rng.integers(-10, 10, (6000, 3))
     columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
-    columns |= {name: colour[:, i].astype(np.uint8) for i, name in enumerate(("red", "green", "blue"))}
+    columns |= {
+        name: colour[:, i].astype(np.uint8) for i, name in enumerate(("red", "green", "blue"))
+    }
     path = folder / f"{number:06d}.ply"
     write_cloud(path, Cloud(columns))
     pose = np.eye(4)
@@ -77,12 +80,17 @@ def main() -> None:
         recording = [write_scan(folder / "in", number) for number in range(60)]
         with open_run(recording, folder / "warm", weights) as run:
             per_scan = [report.update.num_new for report in run.run()][-1]
-        recording += [write_scan(folder / "in", number) for number in range(60, arguments.voxels // per_scan + 20)]
+        recording += [
+            write_scan(folder / "in", number)
+            for number in range(60, arguments.voxels // per_scan + 20)
+        ]
         figures = grow(recording, folder / "out", weights, arguments.voxels)
     print(json.dumps(figures, indent=1))
 
 
-def grow(recording: list[ScanFile], output: Path, weights: Weights, voxels: int) -> dict[str, float]:
+def grow(
+    recording: list[ScanFile], output: Path, weights: Weights, voxels: int
+) -> dict[str, float]:
     """Segment the corridor, then open the run again."""
     ms, sizes, resident = [], [], []
     with open_run(recording, output, weights) as run:
@@ -115,7 +123,8 @@ def grow(recording: list[ScanFile], output: Path, weights: Weights, voxels: int)
         "max_ms": max(ms[5:]),
         "resident_bytes_per_voxel": (resident[-1] - base) * 1e6 / sizes[-1],
         "peak_bytes_per_voxel": (max(resident) - base) * 1e6 / sizes[-1],
-        "state_bytes_per_voxel": sum(path.stat().st_size for path in output.glob("state.sqlite*")) / sizes[-1],
+        "state_bytes_per_voxel": sum(path.stat().st_size for path in output.glob("state.sqlite*"))
+        / sizes[-1],
         "reopen_s": reopen_s,
         "objects_s": objects_s,
     }

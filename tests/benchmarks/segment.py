@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.segment SHARED [--threads 2] [--repeat 3]
 
-SHARED is the folder with ``reference/``. Every scan is read, labelled, committed and written; nothing is left out.
-The network stage is timed at 256 new points in fp32 and bf16, beside the two matrix products that bound it.
+SHARED is the folder with ``reference/``. Every scan is read, labelled, committed and written;
+nothing is left out. The network stage is timed at 256 new points in fp32 and bf16, beside the two
+matrix products that bound it.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ import torch
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.formats.recording import open_recording, read_scan
-from mcpseg_cli.incremental.classification import _one_thread_per_operation
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.device import one_thread_per_operation
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
 from mcpseg_cli.networks.weights import Weights, load_weights, save_weights
-from mcpseg_cli.segment.run import RunOptions, SegmentRun
+from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.run import SegmentRun
 
 
 def run_building(
@@ -32,7 +34,9 @@ def run_building(
 ) -> dict[str, list[float]]:
     """Segment the building once; milliseconds of every scan, in all and by stage."""
     recording = open_recording(building / "scans", building / "poses.csv")[:num_scans]
-    segmenter = IncrementalSegmenter(weights, SegmentSettings(floor="scan-min"), precision=precision)
+    segmenter = IncrementalSegmenter(
+        weights, SegmentSettings(floor="scan-min"), precision=precision
+    )
     ms: dict[str, list[float]] = {"total": []}
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -63,16 +67,21 @@ def network_stage(weights: Weights, building: Path) -> dict[str, float]:
         segmenter = IncrementalSegmenter(weights, SegmentSettings(floor="scan-min"), precision=name)
         for source in open_recording(building / "scans", building / "poses.csv")[:40]:
             segmenter.register_scan(read_scan(source, "map", 0.1)[0])
-        ids = rng.permutation(np.arange(len(segmenter.map) - 256, len(segmenter.map), dtype=np.int32))
+        ids = rng.permutation(
+            np.arange(len(segmenter.map) - 256, len(segmenter.map), dtype=np.int32)
+        )
         points, layer = torch.randn(12800, 6, dtype=dtype), torch.randn(6, 200, dtype=dtype)
         hidden, square = torch.randn(12800, 200, dtype=dtype), torch.randn(200, 200, dtype=dtype)
         figures[f"{name} products alone"] = median_ms(
-            lambda points=points, layer=layer, hidden=hidden, square=square: (points @ layer, hidden @ square)
+            lambda points=points, layer=layer, hidden=hidden, square=square: (
+                points @ layer,
+                hidden @ square,
+            )
         )
-        with _one_thread_per_operation():
+        with one_thread_per_operation():
             figures[f"{name} stage"] = median_ms(
-                lambda run=segmenter.labeller._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: run(
-                    map_, ids, at, 0.0, rng
+                lambda run=segmenter.labeller._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: (
+                    run(map_, ids, at, 0.0, rng)
                 )
             )
     return figures
@@ -99,12 +108,17 @@ def main() -> None:
         "network_ms_at_256": network_stage(weights, reference / "building"),
     }
     for precision in ("fp32", "bf16"):
-        runs = [run_building(reference / "building", weights, precision) for _ in range(arguments.repeat)]
+        runs = [
+            run_building(reference / "building", weights, precision)
+            for _ in range(arguments.repeat)
+        ]
         best = min(runs, key=lambda run: np.median(run["total"]))
         figures[precision] = {
             "median_ms": [round(float(np.median(run["total"])), 2) for run in runs],
             "p95_ms": [round(float(np.percentile(run["total"], 95)), 2) for run in runs],
-            "stages_ms": {stage: round(float(np.median(values)), 2) for stage, values in best.items()},
+            "stages_ms": {
+                stage: round(float(np.median(values)), 2) for stage, values in best.items()
+            },
         }
     print(json.dumps(figures, indent=1))
 

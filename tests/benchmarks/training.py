@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.training [--threads 2] [--steps 100]
 
-A step is 256 points with 50 context points each: forward, losses, backward, update, scores. Plain and ours take turns,
-so that what else the machine does slows both.
+A step is 256 points with 50 context points each: forward, losses, backward, update, scores. Plain
+and ours take turns, so that what else the machine does slows both.
 """
 
 import argparse
@@ -16,7 +16,8 @@ import torch
 
 from mcpseg_cli.config import BATCH, NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.mcpnet import MCPNet
-from mcpseg_cli.train.objective import Objective, Tally, TensorBatch
+from mcpseg_cli.train.objective import Objective, TensorBatch
+from mcpseg_cli.train.scores import Tally
 
 NUM_CLASSES = 13
 
@@ -35,7 +36,9 @@ class Stepper:
     def __init__(self, network, precision="fp32", fused=True):
         self.network = network.train()
         self.objective = Objective(TrainSettings(precision=precision), None, torch.device("cpu"))
-        self.optimiser = torch.optim.AdamW(network.parameters(), lr=1e-3, weight_decay=0.0, fused=fused)
+        self.optimiser = torch.optim.AdamW(
+            network.parameters(), lr=1e-3, weight_decay=0.0, fused=fused
+        )
         self.tally = Tally(NUM_CLASSES, torch.device("cpu"))
 
     def step(self, batch):
@@ -81,7 +84,12 @@ def main() -> None:
         name: {"median": round(float(np.median(each[5:])), 2), "fastest": round(min(each), 2)}
         for name, each in times.items()
     }
-    print(json.dumps({"ms_per_step": figures, "threads": arguments.threads, "load": os.getloadavg()}, indent=1))
+    print(
+        json.dumps(
+            {"ms_per_step": figures, "threads": arguments.threads, "load": os.getloadavg()},
+            indent=1,
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -75,7 +75,9 @@ class Case:
 
 
 @pytest.fixture
-def case(tmp_path: Path, make_recording: Callable[..., tuple[Path, Path]], weights_path: Path) -> Case:
+def case(
+    tmp_path: Path, make_recording: Callable[..., tuple[Path, Path]], weights_path: Path
+) -> Case:
     scans, poses = make_recording(tmp_path / "recording", num_scans=4)
     return Case(tmp_path, scans, poses, weights_path)
 
@@ -120,23 +122,44 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
         lambda c: c.ply(BINARY, "element vertex 1", *XYZ, data=bytes(24)),
         "1 vertices promised, 2 found",
     ),
-    "PLY with a negative count": (lambda c: c.ply(BINARY, "element vertex -1", *XYZ), "header line 3"),
-    "PLY with an endless count": (lambda c: c.ply(BINARY, "element vertex 99999999999999999999", *XYZ), "0 found"),
+    "PLY with a negative count": (
+        lambda c: c.ply(BINARY, "element vertex -1", *XYZ),
+        "header line 3",
+    ),
+    "PLY with an endless count": (
+        lambda c: c.ply(BINARY, "element vertex 99999999999999999999", *XYZ),
+        "0 found",
+    ),
     "PLY with NaN": (lambda c: c.columns(x=nan_at(800, np.nan)), "1 of 800 points have NaN"),
-    "PLY with infinity": (lambda c: c.columns(z=nan_at(800, -np.inf)), "1 of 800 points have NaN or infinite"),
+    "PLY with infinity": (
+        lambda c: c.columns(z=nan_at(800, -np.inf)),
+        "1 of 800 points have NaN or infinite",
+    ),
     "PLY with zero points": (lambda c: c.ply(BINARY, "element vertex 0", *XYZ), "zero points"),
     "PLY without vertices": (
         lambda c: c.ply(BINARY, "element face 1", "property int i", data=bytes(4)),
         "no vertex element",
     ),
-    "PLY without z": (lambda c: c.ply(BINARY, "element vertex 1", *XYZ[:2], data=bytes(8)), "no property z"),
-    "PLY with huge coordinates": (lambda c: c.columns(y=nan_at(800, 5e6)), "coordinates up to 5e+06 m"),
-    "PLY in millimetres": (lambda c: c.columns(y=nan_at(800, 91234.5)), "coordinates up to 91234.5 m"),
+    "PLY without z": (
+        lambda c: c.ply(BINARY, "element vertex 1", *XYZ[:2], data=bytes(8)),
+        "no property z",
+    ),
+    "PLY with huge coordinates": (
+        lambda c: c.columns(y=nan_at(800, 5e6)),
+        "coordinates up to 5e+06 m",
+    ),
+    "PLY in millimetres": (
+        lambda c: c.columns(y=nan_at(800, 91234.5)),
+        "coordinates up to 91234.5 m",
+    ),
     "PLY with text for a number": (
         lambda c: c.ply(ASCII, "element vertex 1", *XYZ, data=b"1 2 three\n"),
         "do not parse",
     ),
-    "PLY with a short line": (lambda c: c.ply(ASCII, "element vertex 2", *XYZ, data=b"1 2 3\n4 5\n"), "do not parse"),
+    "PLY with a short line": (
+        lambda c: c.ply(ASCII, "element vertex 2", *XYZ, data=b"1 2 3\n4 5\n"),
+        "do not parse",
+    ),
     "binary data in an ascii PLY": (
         lambda c: c.ply(ASCII, "element vertex 2", *XYZ, data=b"\x00\xff\n\x01\xfe\n"),
         "do not parse",
@@ -161,14 +184,26 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
         lambda c: c.ply(BINARY, "element vertex 1", *XYZ, XYZ[0], data=bytes(16)),
         "repeat a name",
     ),
-    "PLY with a property of no element": (lambda c: c.ply(BINARY, XYZ[0], "element vertex 1", *XYZ), "header line 3"),
-    "a picture called PLY": (lambda c: c.scan(".ply", b"\x89PNG\r\n\x1a\n" + bytes(99)), "starts with"),
+    "PLY with a property of no element": (
+        lambda c: c.ply(BINARY, XYZ[0], "element vertex 1", *XYZ),
+        "header line 3",
+    ),
+    "a picture called PLY": (
+        lambda c: c.scan(".ply", b"\x89PNG\r\n\x1a\n" + bytes(99)),
+        "starts with",
+    ),
     "NPZ that is no zip": (lambda c: c.scan(".npz", b"hello"), "does not load"),
     "empty NPZ": (lambda c: c.scan(".npz", b""), "does not load"),
     "pickled NPZ": (lambda c: c.scan(".npz", pickle.dumps({"xyz": [1]})), "does not load"),
-    "NPZ with pickled objects": (lambda c: c.npz(xyz=np.array([{}, None, "a"], object)), "does not load"),
+    "NPZ with pickled objects": (
+        lambda c: c.npz(xyz=np.array([{}, None, "a"], object)),
+        "does not load",
+    ),
     "NPZ without xyz": (lambda c: c.npz(points=np.zeros((9, 3))), "arrays points"),
-    "NPZ with xyz of a wrong shape": (lambda c: c.npz(xyz=np.zeros((3, 9))), "xyz is float64 (3, 9)"),
+    "NPZ with xyz of a wrong shape": (
+        lambda c: c.npz(xyz=np.zeros((3, 9))),
+        "xyz is float64 (3, 9)",
+    ),
     "NPZ with xyz of text": (lambda c: c.npz(xyz=np.full((9, 3), "a")), "xyz is <U1 (9, 3)"),
     "NPZ with rgb of other length": (
         lambda c: c.npz(xyz=np.zeros((9, 3)), rgb=np.zeros((8, 3), np.uint8)),
@@ -177,29 +212,50 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
     "NPZ with zero points": (lambda c: c.npz(xyz=np.zeros((0, 3))), "zero points"),
     "NPZ with NaN": (lambda c: c.npz(xyz=np.full((9, 3), np.nan)), "9 of 9 points have NaN"),
     "cut NPZ": (lambda c: c.cut(".npz", 0.6), "does not load"),
-    "NPY called NPZ": (lambda c: np.save(c.scan(".npz").open("wb"), np.zeros((9, 3))), "a single array"),
+    "NPY called NPZ": (
+        lambda c: np.save(c.scan(".npz").open("wb"), np.zeros((9, 3))),
+        "a single array",
+    ),
     "cut LAS": (lambda c: c.cut(".las", 0.7), "800 points promised, 5"),
     "LAS cut in its header": (lambda c: c.scan(".las", b"LASF" + bytes(50)), "starts with"),
-    "LAS with records past its end": (lambda c: spoil(c.scan(".las"), 100, b"\xff\xff\xff\xff"), "does not decode"),
-    "LAS of an unknown point format": (lambda c: spoil(c.scan(".las"), 104, b"\x2a"), "does not decode"),
+    "LAS with records past its end": (
+        lambda c: spoil(c.scan(".las"), 100, b"\xff\xff\xff\xff"),
+        "does not decode",
+    ),
+    "LAS of an unknown point format": (
+        lambda c: spoil(c.scan(".las"), 104, b"\x2a"),
+        "does not decode",
+    ),
     "LAS with scales of NaN": (
         lambda c: spoil(c.scan(".las"), 131, struct.pack("<d", np.nan)),
         "800 of 800 points have NaN",
     ),
-    "LAS with scales of infinity": (lambda c: spoil(c.scan(".las"), 131, struct.pack("<d", 1e308)), "NaN or infinite"),
+    "LAS with scales of infinity": (
+        lambda c: spoil(c.scan(".las"), 131, struct.pack("<d", 1e308)),
+        "NaN or infinite",
+    ),
     "text called LAS": (lambda c: c.scan(".las", b"x y z\n1 2 3\n" * 99), "starts with b'x y z"),
     "cut LAZ": (lambda c: c.cut(".laz", 0.7), "does not decode"),
-    "LAZ with a broken chunk": (lambda c: spoil(c.scan(".laz"), -9, b"\xff" * 9), "does not decode"),
+    "LAZ with a broken chunk": (
+        lambda c: spoil(c.scan(".laz"), -9, b"\xff" * 9),
+        "does not decode",
+    ),
     "LAZ cut in its first chunk": (lambda c: c.cut(".laz", 0.3), "does not decode"),
     "PCD without DATA": (lambda c: c.pcd(b"DATA binary\n", b""), "no DATA line"),
     "cut PCD": (lambda c: c.cut(".pcd", 0.8), "800 points promised, 6"),
     "PCD without x": (lambda c: c.pcd(b"FIELDS x", b"FIELDS q"), "no field x"),
     "PCD of an unknown encoding": (lambda c: c.pcd(b"DATA binary", b"DATA base64"), "DATA base64"),
-    "PCD with a field too few": (lambda c: c.pcd(b"FIELDS x y z", b"FIELDS x y z w"), "does not add up"),
+    "PCD with a field too few": (
+        lambda c: c.pcd(b"FIELDS x y z", b"FIELDS x y z w"),
+        "does not add up",
+    ),
     "PCD with an unknown size": (lambda c: c.pcd(b"SIZE 4", b"SIZE 3"), "does not add up"),
     "PCD without POINTS": (lambda c: c.pcd(b"POINTS 800", b"POINTS many"), "does not add up"),
     "PCD of zero points": (lambda c: c.pcd(b"POINTS 800", b"POINTS 0"), "zero points"),
-    "PCD with a compressed part cut": (lambda c: c.pcd(b"DATA binary", b"DATA binary_compressed"), "promised"),
+    "PCD with a compressed part cut": (
+        lambda c: c.pcd(b"DATA binary", b"DATA binary_compressed"),
+        "promised",
+    ),
 }
 
 
@@ -257,13 +313,29 @@ TUM, KITTI = "0 1 2 3 0 0 0 1", "1 0 0 0 0 1 0 0 0 0 1 0"
 
 BAD_RUNS: dict[str, tuple[Callable[[Case], object], str, str]] = {
     "unsupported endings": (remove_scans, "scans", "no scans"),
-    "missing folder": (lambda c: setattr(c, "scans", c.folder / "nowhere"), "nowhere", "no such folder"),
+    "missing folder": (
+        lambda c: setattr(c, "scans", c.folder / "nowhere"),
+        "nowhere",
+        "no such folder",
+    ),
     "a file for the folder": (lambda c: setattr(c, "scans", c.poses), "poses.csv", "a file"),
     "empty pose file": (lambda c: c.poses.write_bytes(b""), "poses.csv", "no poses"),
-    "pose file with a header only": (lambda c: c.poses_text("x,y,z"), "poses.csv", "a header and no poses"),
-    "binary pose file": (lambda c: c.poses.write_bytes(bytes(range(256))), "poses.csv", "binary data"),
+    "pose file with a header only": (
+        lambda c: c.poses_text("x,y,z"),
+        "poses.csv",
+        "a header and no poses",
+    ),
+    "binary pose file": (
+        lambda c: c.poses.write_bytes(bytes(range(256))),
+        "poses.csv",
+        "binary data",
+    ),
     "KITTI with 11 columns": (lambda c: c.poses_text(*[KITTI[:-2]] * 4), "poses.csv", "11 columns"),
-    "reflected KITTI matrix": (lambda c: c.poses_text(*[KITTI] * 3, "-" + KITTI), "poses.csv", "line 4"),
+    "reflected KITTI matrix": (
+        lambda c: c.poses_text(*[KITTI] * 3, "-" + KITTI),
+        "poses.csv",
+        "line 4",
+    ),
     "TUM with text": (
         lambda c: c.poses_text(TUM, TUM.replace("2", "two"), TUM, TUM),
         "poses.csv",
@@ -274,8 +346,16 @@ BAD_RUNS: dict[str, tuple[Callable[[Case], object], str, str]] = {
         "poses.csv",
         "'nan' in line 3, column 3",
     ),
-    "zero quaternion": (lambda c: c.poses_text(TUM, TUM[:-1] + "0", TUM, TUM), "poses.csv", "line 2"),
-    "unknown CSV column": (lambda c: c.poses_text("x,y,z,yaw", *["0,0,0,0"] * 4), "poses.csv", "columns x, y, z, yaw"),
+    "zero quaternion": (
+        lambda c: c.poses_text(TUM, TUM[:-1] + "0", TUM, TUM),
+        "poses.csv",
+        "line 2",
+    ),
+    "unknown CSV column": (
+        lambda c: c.poses_text("x,y,z,yaw", *["0,0,0,0"] * 4),
+        "poses.csv",
+        "columns x, y, z, yaw",
+    ),
     "duplicate scan rows": (
         lambda c: c.poses_text("scan,x,y,z", "000000,0,0,0", "000000,0,0,0"),
         "poses.csv",
@@ -293,17 +373,29 @@ BAD_RUNS: dict[str, tuple[Callable[[Case], object], str, str]] = {
         "a pose for 000004",
     ),
     "duplicate scan names": (double_scan, "scans", "000001.pcd and 000001.ply"),
-    "positions only in the sensor's frame": (sensor_frame_without_rotations, "poses.csv", "positions only"),
+    "positions only in the sensor's frame": (
+        sensor_frame_without_rotations,
+        "poses.csv",
+        "positions only",
+    ),
     "weights that are no safetensors": (
         lambda c: weights_file(c, b"not weights" * 9),
         "bad.safetensors",
         "not readable",
     ),
     "empty weights": (lambda c: weights_file(c, b""), "bad.safetensors", "not readable"),
-    "truncated weights": (lambda c: weights_file(c, c.weights.read_bytes()[:-100]), "bad.safetensors", "not readable"),
+    "truncated weights": (
+        lambda c: weights_file(c, c.weights.read_bytes()[:-100]),
+        "bad.safetensors",
+        "not readable",
+    ),
     "foreign weights": (foreign_weights, "bad.safetensors", "no mcpseg description"),
     "weights with other tensors": (other_tensors, "bad.safetensors", "the tensors of mcpnet"),
-    "weights of an unknown name": (lambda c: setattr(c, "weights", Path("no-such")), "no-such", "no such weights"),
+    "weights of an unknown name": (
+        lambda c: setattr(c, "weights", Path("no-such")),
+        "no-such",
+        "no such weights",
+    ),
 }
 
 
@@ -329,8 +421,12 @@ def test_a_missing_file_ends_in_one_line_that_names_it(case: Case, which: str) -
     assert not case.output.exists()
 
 
-@pytest.mark.parametrize("spoil_case", [lambda c: c.cut(".ply", 0.9), lambda c: c.cut(".las", 0.7)], ids=["ply", "las"])
-def test_the_installed_command_prints_one_line_and_no_traceback(case: Case, spoil_case: Callable[[Case], None]) -> None:
+@pytest.mark.parametrize(
+    "spoil_case", [lambda c: c.cut(".ply", 0.9), lambda c: c.cut(".las", 0.7)], ids=["ply", "las"]
+)
+def test_the_installed_command_prints_one_line_and_no_traceback(
+    case: Case, spoil_case: Callable[[Case], None]
+) -> None:
     spoil_case(case)
     command = [sys.executable, "-m", "mcpseg_cli", *case.arguments()]
     result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
@@ -344,7 +440,11 @@ def test_the_installed_command_prints_one_line_and_no_traceback(case: Case, spoi
 
 def outputs(folder: Path) -> dict[str, bytes]:
     """Everything a run writes that does not hold times or its command line."""
-    names = ["map.ply", "objects.json", *(f"scans/{path.name}" for path in sorted((folder / "scans").iterdir()))]
+    names = [
+        "map.ply",
+        "objects.json",
+        *(f"scans/{path.name}" for path in sorted((folder / "scans").iterdir())),
+    ]
     return {name: (folder / name).read_bytes() for name in names}
 
 
@@ -388,7 +488,11 @@ def test_a_skipped_scan_is_recorded_in_the_events_with_its_cause(case: Case) -> 
 def test_the_scans_around_a_skipped_one_are_labelled(case: Case) -> None:
     case.cut(".ply", 0.9)
     run(case, "--on-error", "skip")
-    assert [path.stem for path in sorted((case.output / "scans").iterdir())] == ["000000", "000002", "000003"]
+    assert [path.stem for path in sorted((case.output / "scans").iterdir())] == [
+        "000000",
+        "000002",
+        "000003",
+    ]
 
 
 def test_a_skipped_scan_stays_skipped_when_the_command_is_repeated(case: Case) -> None:
@@ -409,7 +513,9 @@ def test_a_recording_of_bad_scans_only_gives_an_empty_map(case: Case) -> None:
     assert (code, len(document["skipped"]), document["voxels"]) == (0, 4, 0)
 
 
-def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden(tmp_path, monkeypatch):
+def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden(
+    tmp_path, monkeypatch
+):
     said = "cannot cache function 'f': no locator available for file 'f.py'"
 
     def refuse(*_):

@@ -28,13 +28,20 @@ def pair(tmp_path) -> tuple[Path, Path]:
 def run(make_recording, tmp_path, weights_path) -> Path:
     """A run over four scans."""
     scans, poses = make_recording(tmp_path / "input")
-    assert invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "-q").exit_code == 0
+    assert (
+        invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "-q").exit_code
+        == 0
+    )
     return tmp_path / "out"
 
 
 def test_the_table_says_unit_and_protocol_and_has_a_column_for_rooms(pair):
     result = invoke("eval", *pair, "--rooms")
-    assert re.search(r"^# points \(unit: point, whole map and by room; pairing: by point; .*\)$", result.stdout, re.M)
+    assert re.search(
+        r"^# points \(unit: point, whole map and by room; pairing: by point; .*\)$",
+        result.stdout,
+        re.M,
+    )
     assert re.search(r"^nmi +0\.\d{3} +0\.\d{3}$", result.stdout, re.M)
     assert re.search(r"^room_1 +\d+ +0\.\d{3}", result.stdout, re.M)
     assert "\x1b" not in result.stdout
@@ -80,11 +87,20 @@ def test_demands_that_are_met_exit_0(pair):
 
 
 def test_demands_that_are_not_met_exit_1_and_are_named_after_the_scores(pair):
-    demands = ("--fail-under", "miou=0.999", "--fail-under", "nmi=0", "--fail-under", "iou.wall=0.9999")
+    demands = (
+        "--fail-under",
+        "miou=0.999",
+        "--fail-under",
+        "nmi=0",
+        "--fail-under",
+        "iou.wall=0.9999",
+    )
     result = invoke("eval", *pair, "--json", *demands)
     assert result.exit_code == 1
     assert json.loads(result.stdout)["points"] == 400
-    assert re.fullmatch(r"mcpseg: miou is 0\.\d+, below 0\.999; iou\.wall is 0\.\d+, below 0\.9999\n", result.stderr)
+    assert re.fullmatch(
+        r"mcpseg: miou is 0\.\d+, below 0\.999; iou\.wall is 0\.\d+, below 0\.9999\n", result.stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -113,7 +129,9 @@ def test_a_demand_on_a_class_that_is_nowhere_fails(tmp_path):
 
 def test_pictures_are_drawn(run, tmp_path):
     pytest.importorskip("matplotlib")
-    assert invoke("eval", run, run / "map.ply", "--plot", tmp_path / "pictures", "-q").exit_code == 0
+    assert (
+        invoke("eval", run, run / "map.ply", "--plot", tmp_path / "pictures", "-q").exit_code == 0
+    )
     names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
     assert names == ["class_iou.png", "confusion_matrix.png", "miou_over_scans.png"]
 
@@ -131,7 +149,9 @@ def test_a_run_is_followed_scan_by_scan(run):
     scores = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)
     events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
     assert (scores["unit"], scores["scans"], scores["skipped"]) == ("voxel", 4, 0)
-    assert scores["ms_per_scan"]["max"] == pytest.approx(max(sum(event["ms"].values()) for event in events))
+    assert scores["ms_per_scan"]["max"] == pytest.approx(
+        max(sum(event["ms"].values()) for event in events)
+    )
     stability = scores["stability"]
     assert stability["looks_again"] == sum(event["voxels_seen"] for event in events) > 0
     assert stability["ids_merged"] == sum(len(event["merges"]) for event in events)
@@ -143,9 +163,9 @@ def test_flips_are_found_in_the_labelled_scans(run):
     before = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)["stability"]
     path = sorted((run / "scans").iterdir())[-1]
     cloud = read_cloud(path)
-    semantic = np.where(cloud.label("semantic") == 255, 255, 1 - np.minimum(cloud.label("semantic"), 1)).astype(
-        np.uint8
-    )
+    semantic = np.where(
+        cloud.label("semantic") == 255, 255, 1 - np.minimum(cloud.label("semantic"), 1)
+    ).astype(np.uint8)
     write_cloud(path, Cloud(cloud.columns | {"semantic": semantic}, cloud.classes))
     after = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)["stability"]
     assert after["looks_again"] == before["looks_again"]
@@ -154,7 +174,9 @@ def test_flips_are_found_in_the_labelled_scans(run):
 
 
 @pytest.mark.parametrize(("kind", "frame"), [("laz", "map"), ("npz", "sensor")])
-def test_labelled_scans_of_any_format_and_frame_are_followed(make_recording, tmp_path, weights_path, kind, frame):
+def test_labelled_scans_of_any_format_and_frame_are_followed(
+    make_recording, tmp_path, weights_path, kind, frame
+):
     scans, poses = make_recording(tmp_path / "input")
     options = ["--format", kind, "--frame", frame, "-q", "-w", weights_path]
     invoke("segment", scans, poses, "-o", tmp_path / "out", *options)
@@ -170,7 +192,11 @@ def test_missing_labelled_scans_are_said_and_the_map_is_scored(run):
     result = invoke("eval", run, run / "map.ply", "--json")
     scores = json.loads(result.stdout)
     assert "1 of 4 labelled scans are missing" in result.stderr
-    assert (scores["stability"], scores["over_scans"], scores["point_accuracy"]) == (None, None, 1.0)
+    assert (scores["stability"], scores["over_scans"], scores["point_accuracy"]) == (
+        None,
+        None,
+        1.0,
+    )
     assert scores["ms_per_scan"]["p50"] > 0
 
 
@@ -183,11 +209,17 @@ def cut(path: Path) -> None:
     [
         (lambda folder, run: cut(run / "map.ply"), "map.ply: "),
         (lambda folder, run: cut(sorted((run / "scans").iterdir())[1]), "000001.ply: "),
-        (lambda folder, run: (run / "events.jsonl").write_text("{\n"), "events.jsonl: line 1 that is no event"),
+        (
+            lambda folder, run: (run / "events.jsonl").write_text("{\n"),
+            "events.jsonl: line 1 that is no event",
+        ),
         (lambda folder, run: (run / "run.json").write_text("{"), "run.json: no voxel size"),
         (lambda folder, run: cut(folder / "gt/0.ply"), "0.ply: "),
         (lambda folder, run: (folder / "gt/0.ply").unlink(), "gt: an empty folder"),
-        (lambda folder, run: (folder / "gt/0.ply").rename(folder / "gt/0.txt"), "expected an S3DIS area"),
+        (
+            lambda folder, run: (folder / "gt/0.ply").rename(folder / "gt/0.txt"),
+            "expected an S3DIS area",
+        ),
     ],
 )
 def test_damaged_runs_and_truths_are_one_line(run, tmp_path, break_it, said):
@@ -207,11 +239,24 @@ def test_a_terminal_gets_tables(pair, monkeypatch):
     assert "# " not in result.stdout
 
 
-def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(make_recording, tmp_path, weights_path):
+def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(
+    make_recording, tmp_path, weights_path
+):
     from mcpseg_cli.segment.checkpoint import State
 
     scans, poses = make_recording(tmp_path / "input")
-    invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "--frame", "sensor", "-q")
+    invoke(
+        "segment",
+        scans,
+        poses,
+        "-o",
+        tmp_path / "out",
+        "-w",
+        weights_path,
+        "--frame",
+        "sensor",
+        "-q",
+    )
     with State(tmp_path / "out/state.sqlite"):
         result = invoke("eval", tmp_path / "out", tmp_path / "out/map.ply", "--json")
     assert "in use by another mcpseg" in result.stderr
@@ -228,7 +273,10 @@ def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(make_recording
     ],
 )
 def test_clouds_that_make_no_sense_are_one_line(tmp_path, columns, classes, said):
-    plain = {axis: np.zeros(3) for axis in "xyz"} | {"semantic": np.zeros(3, int), "instance": np.ones(3, int)}
+    plain = {axis: np.zeros(3) for axis in "xyz"} | {
+        "semantic": np.zeros(3, int),
+        "instance": np.ones(3, int),
+    }
     write_cloud(tmp_path / "c.npz", Cloud(plain | columns, classes))
     result = invoke("eval", tmp_path / "c.npz", tmp_path / "c.npz")
     assert (result.exit_code, result.stdout, len(result.stderr.splitlines())) == (1, "", 1)

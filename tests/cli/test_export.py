@@ -18,7 +18,15 @@ REPOSITORY = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def grown_run(labelled_run, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("grown") / "out"
-    words = [labelled_run.scans, labelled_run.scans.parent / "poses.csv", "-o", out, "--method", "region-growing", "-q"]
+    words = [
+        labelled_run.scans,
+        labelled_run.scans.parent / "poses.csv",
+        "-o",
+        out,
+        "--method",
+        "region-growing",
+        "-q",
+    ]
     assert CliRunner().invoke(app, ["segment", *map(str, words)]).exit_code == 0
     return out
 
@@ -40,7 +48,9 @@ def test_one_call_writes_everything_asked_for_and_says_what(labelled_run, tmp_pa
 
 def test_the_run_is_left_as_it_was(labelled_run, tmp_path):
     before = {path: path.stat().st_mtime_ns for path in labelled_run.out.rglob("*")}
-    assert export(labelled_run.out, "-o", tmp_path / "map.ply", "--color", "embedding").exit_code == 0
+    assert (
+        export(labelled_run.out, "-o", tmp_path / "map.ply", "--color", "embedding").exit_code == 0
+    )
     assert {path: path.stat().st_mtime_ns for path in labelled_run.out.rglob("*")} == before
 
 
@@ -58,7 +68,9 @@ def test_options_choose_and_colour(labelled_run, tmp_path):
     assert chosen == [item for item in objects if item["class_name"] == largest["class_name"]]
 
 
-@pytest.mark.parametrize("ending", ["ply", "laz", "pcd", "npz", "h5", "e57", "json", "geojson", "png", "html", "rrd"])
+@pytest.mark.parametrize(
+    "ending", ["ply", "laz", "pcd", "npz", "h5", "e57", "json", "geojson", "png", "html", "rrd"]
+)
 def test_a_map_without_classes_is_exported_too(ending, grown_run, tmp_path):
     for name in {"e57": ("pye57",), "html": ("k3d",), "rrd": ("rerun",)}.get(ending, ()):
         pytest.importorskip(name)
@@ -70,15 +82,29 @@ def test_a_map_without_classes_is_exported_too(ending, grown_run, tmp_path):
 def test_a_map_without_classes_has_none_to_choose(grown_run, tmp_path):
     result = export(grown_run, "-o", tmp_path / "map.ply", "--class", "wall")
     assert result.exit_code == 1
-    assert result.stderr == f"mcpseg: {grown_run}: no class wall; expected a map with classes; check --class\n"
+    assert (
+        result.stderr
+        == f"mcpseg: {grown_run}: no class wall; expected a map with classes; check --class\n"
+    )
 
 
 def test_folders_are_filled_with_scans_or_objects(labelled_run, tmp_path):
     result = export(labelled_run.out, "-o", tmp_path / "scans", "--scans", labelled_run.scans)
     assert result.stdout == f"{tmp_path / 'scans'}: 4 scans\n"
-    result = export(labelled_run.out, "-o", tmp_path / "objects", "--split", "las", "-o", tmp_path / "objects.csv")
+    result = export(
+        labelled_run.out,
+        "-o",
+        tmp_path / "objects",
+        "--split",
+        "las",
+        "-o",
+        tmp_path / "objects.csv",
+    )
     assert result.exit_code == 0
-    assert len(list((tmp_path / "objects").glob("*.las"))) == len((tmp_path / "objects.csv").read_text().split()) - 1
+    assert (
+        len(list((tmp_path / "objects").glob("*.las")))
+        == len((tmp_path / "objects.csv").read_text().split()) - 1
+    )
 
 
 def test_weights_become_onnx(weights_path, tmp_path):
@@ -110,7 +136,10 @@ def test_files_are_replaced_only_when_asked_to(labelled_run, tmp_path):
         (["-o", "TMP/nowhere/map.ply"], "nowhere is no folder"),
         (["-o", "TMP/map.ply", "-o", "TMP/folder.ply/../map.ply"], "named twice"),
         (["-o", "TMP/map.ply", "-o", "TMP/model.onnx"], "expected .onnx by itself"),
-        (["-o", "TMP/map.ply", "--split", "ply"], "no folder: named by -o; expected one folder -o to fill"),
+        (
+            ["-o", "TMP/map.ply", "--split", "ply"],
+            "no folder: named by -o; expected one folder -o to fill",
+        ),
         (["-o", "TMP", "--split", "ply"], "not empty; expected an empty folder"),
         (["-o", "TMP/file", "--split", "ply"], "a file; expected a folder"),
         (["-o", "TMP/folder.ply"], "a folder; expected a file"),
@@ -123,7 +152,9 @@ def test_what_cannot_be_done_is_one_line(labelled_run, tmp_path, options, found)
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.ply").mkdir()
     before = sorted(tmp_path.iterdir())
-    words = [word.replace("TMP", str(tmp_path)).replace("OUT", str(labelled_run.out)) for word in options]
+    words = [
+        word.replace("TMP", str(tmp_path)).replace("OUT", str(labelled_run.out)) for word in options
+    ]
     result = export(labelled_run.out, *words)
     assert result.exit_code == 1
     assert found in result.stderr
@@ -132,7 +163,11 @@ def test_what_cannot_be_done_is_one_line(labelled_run, tmp_path, options, found)
 
 
 def test_what_is_no_run_is_one_line(weights_path, tmp_path):
-    for source, found in ((tmp_path, "no state.sqlite"), (weights_path, "a file"), (tmp_path / "x", "no such folder")):
+    for source, found in (
+        (tmp_path, "no state.sqlite"),
+        (weights_path, "a file"),
+        (tmp_path / "x", "no such folder"),
+    ):
         result = export(source, "-o", tmp_path.parent / "map.ply")
         assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1)
         assert found in result.stderr
@@ -158,8 +193,19 @@ def test_wrong_usage_exits_2(labelled_run, tmp_path, options):
 
 def test_a_run_in_progress_is_exported_again_and_again(make_recording, tmp_path, weights_path):
     scans, poses = make_recording(tmp_path / "input", num_scans=80)
-    arguments = ["segment", str(scans), str(poses), "-o", str(tmp_path / "out"), "-w", str(weights_path), "-q"]
-    process = subprocess.Popen([sys.executable, "-m", "mcpseg_cli", *arguments], stdout=subprocess.DEVNULL)
+    arguments = [
+        "segment",
+        str(scans),
+        str(poses),
+        "-o",
+        str(tmp_path / "out"),
+        "-w",
+        str(weights_path),
+        "-q",
+    ]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mcpseg_cli", *arguments], stdout=subprocess.DEVNULL
+    )
     events, sizes = tmp_path / "out/events.jsonl", []
     while process.poll() is None:
         if not (events.exists() and events.stat().st_size):

@@ -53,7 +53,9 @@ def test_region_growing_resumed_equals_region_growing_in_one_go(recording, tmp_p
 
 
 def test_a_method_takes_weights_of_its_network_only(recording, tmp_path, weights_path):
-    assert segment(recording, tmp_path / "a", "--method", "mcpnet", "-w", weights_path).exit_code == 0
+    assert (
+        segment(recording, tmp_path / "a", "--method", "mcpnet", "-w", weights_path).exit_code == 0
+    )
     result = segment(recording, tmp_path / "b", "--method", "pointnet", "-w", weights_path)
     assert result.exit_code == 1
     assert "weights of mcpnet; expected weights of pointnet" in result.stderr
@@ -79,7 +81,10 @@ def test_a_network_without_bundled_weights_says_how_to_get_some(recording, tmp_p
 def test_the_default_is_mcpnet_and_the_run_says_which_method_it_was(recording, tmp_path):
     segment(recording, tmp_path / "default", "-q")
     segment(recording, tmp_path / "growing", "--method", "region-growing")
-    methods = [json.loads((tmp_path / name / "run.json").read_text())["method"] for name in ("default", "growing")]
+    methods = [
+        json.loads((tmp_path / name / "run.json").read_text())["method"]
+        for name in ("default", "growing")
+    ]
     assert methods == ["mcpnet", "region-growing"]
 
 
@@ -96,6 +101,8 @@ def test_region_growing_is_scored_without_classes(tmp_path):
 
 
 def test_region_growing_refuses_an_unknown_device_too(recording, tmp_path):
-    result = segment(recording, tmp_path / "out", "--method", "region-growing", "--device", "abacus")
+    result = segment(
+        recording, tmp_path / "out", "--method", "region-growing", "--device", "abacus"
+    )
     assert result.exit_code == 1
     assert "--device abacus" in result.stderr

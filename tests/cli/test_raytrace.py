@@ -16,7 +16,7 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.formats.poses import read_poses
-from mcpseg_cli.lock import exclusive
+from mcpseg_cli.resumable import exclusive
 
 COARSE = ("--h-res", "4", "--v-res", "4", "-q")
 LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 2.6])
@@ -58,7 +58,9 @@ def make_room(seed: int = 0) -> Cloud:
     rgb = np.random.default_rng(seed + 1).integers(0, 256, (len(xyz), 3)).astype(np.uint8)
     columns = {axis: xyz[:, column] for column, axis in enumerate("xyz")}
     columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
-    columns["semantic"] = np.repeat([S3DIS_CLASSES.index(name) for name, _ in objects], sizes).astype(np.uint8)
+    columns["semantic"] = np.repeat(
+        [S3DIS_CLASSES.index(name) for name, _ in objects], sizes
+    ).astype(np.uint8)
     columns["instance"] = np.repeat(np.arange(1, len(objects) + 1), sizes).astype(np.int32)
     return Cloud(columns, S3DIS_CLASSES)
 
@@ -78,7 +80,11 @@ def scans(room, tmp_path_factory) -> Path:
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def numbers_of(folder: Path) -> list[str]:
@@ -100,11 +106,15 @@ def test_every_scan_has_a_pose_and_the_truth_about_the_same_points(scans):
 
 def test_every_scanned_point_is_a_point_of_the_room_with_its_colour_class_and_object(scans):
     cloud = make_room()
-    labels = np.column_stack([cloud.rgb, cloud.columns["semantic"], cloud.columns["instance"]]).tolist()
+    labels = np.column_stack(
+        [cloud.rgb, cloud.columns["semantic"], cloud.columns["instance"]]
+    ).tolist()
     known = dict(zip(map(tuple, cloud.xyz.tolist()), labels, strict=True))
     for path in (scans / "gt").iterdir():
         truth = read_cloud(path)
-        seen = np.column_stack([truth.rgb, truth.columns["semantic"], truth.columns["instance"]]).tolist()
+        seen = np.column_stack(
+            [truth.rgb, truth.columns["semantic"], truth.columns["instance"]]
+        ).tolist()
         assert [known[tuple(point)] for point in truth.xyz.tolist()] == seen
 
 
@@ -135,7 +145,13 @@ def test_the_record_says_what_was_seen(scans):
 def test_segment_and_eval_take_the_folder_as_it_is(room, tmp_path, weights_path):
     trace(room, tmp_path / "r", "--step", "1")
     result = invoke(
-        "segment", tmp_path / "r/scans", tmp_path / "r/poses.csv", "-o", tmp_path / "out", "-w", weights_path
+        "segment",
+        tmp_path / "r/scans",
+        tmp_path / "r/poses.csv",
+        "-o",
+        tmp_path / "out",
+        "-w",
+        weights_path,
     )
     assert result.exit_code == 0, result.stderr
     scores = json.loads(invoke("eval", tmp_path / "out", tmp_path / "r/gt", "--json").stdout)
@@ -152,8 +168,21 @@ def test_without_o_scans_go_to_data_under_the_areas_name(room, tmp_path, monkeyp
 
 def test_several_areas_get_a_folder_each(room, tmp_path):
     (tmp_path / "other.ply").write_bytes(room.read_bytes())
-    result = invoke("raytrace", room, tmp_path / "other.ply", "-o", tmp_path / "d", "--step", "2", "--json", *COARSE)
-    assert [document["source"] for document in json.loads(result.stdout)] == ["room.ply", "other.ply"]
+    result = invoke(
+        "raytrace",
+        room,
+        tmp_path / "other.ply",
+        "-o",
+        tmp_path / "d",
+        "--step",
+        "2",
+        "--json",
+        *COARSE,
+    )
+    assert [document["source"] for document in json.loads(result.stdout)] == [
+        "room.ply",
+        "other.ply",
+    ]
     assert files_of(tmp_path / "d/room/scans") == files_of(tmp_path / "d/other/scans")
 
 
@@ -165,7 +194,18 @@ def test_two_areas_of_one_name_are_a_usage_error(room):
 
 def test_the_number_of_jobs_changes_nothing(room, tmp_path):
     for jobs in (1, 3):
-        trace(room, tmp_path / str(jobs), "--jobs", jobs, "--noise", "0.01", "--dropout", "0.2", "--step", "0.7")
+        trace(
+            room,
+            tmp_path / str(jobs),
+            "--jobs",
+            jobs,
+            "--noise",
+            "0.01",
+            "--dropout",
+            "0.2",
+            "--step",
+            "0.7",
+        )
     assert files_of(tmp_path / "1") == files_of(tmp_path / "3")
 
 
@@ -191,7 +231,11 @@ def test_dropout_loses_its_share_of_the_points(room, tmp_path):
 def test_the_authors_scanner_sees_neither_straight_down_nor_straight_up(room, tmp_path):
     trace(room, tmp_path / "out", "--step", "2", "--scanner", "authors")
     settings = json.loads((tmp_path / "out/raytrace.json").read_text())["settings"]
-    assert (settings["lowest_deg"], settings["highest_deg"], settings["reach"]) == (-45.0, 80.0, 5.0)
+    assert (settings["lowest_deg"], settings["highest_deg"], settings["reach"]) == (
+        -45.0,
+        80.0,
+        5.0,
+    )
     origin = read_poses(tmp_path / "out/poses.csv").poses[0, :3, 3]
     ray = read_cloud(tmp_path / "out/scans/000000.ply").xyz - origin
     elevation = np.degrees(np.arctan2(ray[:, 2], np.hypot(ray[:, 0], ray[:, 1])))
@@ -291,11 +335,15 @@ def test_positions_that_see_nothing_get_neither_scan_nor_pose(room, tmp_path):
     assert files_of(tmp_path / "out") == before
 
 
-@pytest.mark.parametrize("options", [("--range", "0.1"), ("--height", "9"), ("--voxel-size", "0.01")])
+@pytest.mark.parametrize(
+    "options", [("--range", "0.1"), ("--height", "9"), ("--voxel-size", "0.01")]
+)
 def test_overwrite_keeps_the_earlier_run_until_the_new_one_can_be_made(room, tmp_path, options):
     trace(room, tmp_path / "out", "--step", "1")
     before = files_of(tmp_path / "out")
-    result = invoke("raytrace", room, "-o", tmp_path / "out", "--v-min", "70", *COARSE, *options, "--overwrite")
+    result = invoke(
+        "raytrace", room, "-o", tmp_path / "out", "--v-min", "70", *COARSE, *options, "--overwrite"
+    )
     assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1), result.stderr
     assert files_of(tmp_path / "out") == before
 
@@ -312,7 +360,12 @@ def test_a_foreign_record_is_refused_and_nothing_beside_it_deleted(room, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "damage", [lambda text: text[: len(text) // 2], lambda text: text.replace("000001,", "abc,"), lambda text: ""]
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: text.replace("000001,", "abc,"),
+        lambda text: "",
+    ],
 )
 def test_a_damaged_pose_file_is_planned_anew(room, tmp_path, damage):
     trace(room, tmp_path / "out", "--step", "1")
@@ -346,21 +399,28 @@ def test_a_scanner_over_the_ceiling_is_refused(room, tmp_path):
 
 def test_voxels_too_small_for_the_points_are_pointed_out(room, tmp_path):
     options = ("--voxel-size", "0.04", "--step", "2", "--h-res", "4", "--v-res", "4")
-    assert "rays may pass through walls" in invoke("raytrace", room, "-o", tmp_path / "out", *options).stderr
+    assert (
+        "rays may pass through walls"
+        in invoke("raytrace", room, "-o", tmp_path / "out", *options).stderr
+    )
 
 
 def test_large_object_ids_are_counted_as_what_they_are(tmp_path):
     cloud = make_room()
     cloud.columns["instance"] = cloud.columns["instance"] + np.int32(2_000_000_000)
     write_cloud(tmp_path / "room.ply", cloud)
-    document = json.loads(trace(tmp_path / "room.ply", tmp_path / "out", "--step", "2", "--json").stdout)
+    document = json.loads(
+        trace(tmp_path / "room.ply", tmp_path / "out", "--step", "2", "--json").stdout
+    )
     assert document["objects"] == 8
 
 
 def test_another_building_is_refused(room, tmp_path):
     trace(room, tmp_path / "out", "--step", "2")
     write_cloud(tmp_path / "room.ply", make_room(seed=5))
-    result = invoke("raytrace", tmp_path / "room.ply", "-o", tmp_path / "out", "--step", "2", *COARSE)
+    result = invoke(
+        "raytrace", tmp_path / "room.ply", "-o", tmp_path / "out", "--step", "2", *COARSE
+    )
     assert result.exit_code == 1
     assert "another building" in result.stderr
 
@@ -385,7 +445,9 @@ def test_scans_that_no_run_made_are_never_written_over(room, tmp_path):
         (("--range", "nan"), "--range"),
     ],
 )
-def test_a_setting_that_makes_no_sense_is_a_usage_error_that_names_the_option(room, tmp_path, options, said):
+def test_a_setting_that_makes_no_sense_is_a_usage_error_that_names_the_option(
+    room, tmp_path, options, said
+):
     result = invoke("raytrace", room, "-o", tmp_path / "out", *options)
     assert result.exit_code == 2
     assert said in " ".join(result.stderr.split())
@@ -394,7 +456,9 @@ def test_a_setting_that_makes_no_sense_is_a_usage_error_that_names_the_option(ro
 
 def test_a_building_without_free_floor_is_refused_in_one_line(tmp_path):
     cloud = make_room()
-    columns = {name: column[cloud.columns["semantic"] == 2] for name, column in cloud.columns.items()}  # walls only
+    columns = {
+        name: column[cloud.columns["semantic"] == 2] for name, column in cloud.columns.items()
+    }  # walls only
     write_cloud(tmp_path / "walls.ply", Cloud(columns, S3DIS_CLASSES))
     result = invoke("raytrace", tmp_path / "walls.ply", "-o", tmp_path / "out", *COARSE)
     assert result.exit_code == 1
@@ -419,9 +483,14 @@ def test_a_killed_run_leaves_whole_scans_only_and_continues_to_the_same_files(ro
         process.send_signal(signal.SIGKILL)
         process.wait()
         assert process.returncode == -signal.SIGKILL
-        made = [path for name in ("scans", "gt") for path in (tmp_path / "out" / name).glob("[0-9]*")]
+        made = [
+            path for name in ("scans", "gt") for path in (tmp_path / "out" / name).glob("[0-9]*")
+        ]
         whole = tmp_path / "whole"
-        assert all(path.read_bytes() == (whole / path.relative_to(tmp_path / "out")).read_bytes() for path in made)
+        assert all(
+            path.read_bytes() == (whole / path.relative_to(tmp_path / "out")).read_bytes()
+            for path in made
+        )
     assert not json.loads((tmp_path / "out/raytrace.json").read_text())["complete"]
     subprocess.run(command(room, tmp_path / "out"), check=True)
     assert files_of(tmp_path / "out") == files_of(tmp_path / "whole")
@@ -431,7 +500,9 @@ def test_a_full_disk_is_one_line_and_loses_nothing(room, tmp_path):
     def limit_file_size() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
-    full = subprocess.run(command(room, tmp_path / "out"), preexec_fn=limit_file_size, capture_output=True, text=True)
+    full = subprocess.run(
+        command(room, tmp_path / "out"), preexec_fn=limit_file_size, capture_output=True, text=True
+    )
     assert full.returncode == 1
     assert len(full.stderr.splitlines()) == 1
     assert "expected room on the disk" in full.stderr
@@ -440,7 +511,18 @@ def test_a_full_disk_is_one_line_and_loses_nothing(room, tmp_path):
 
 def test_the_real_room_is_scanned_as_downloaded(shared_folder, tmp_path):
     area = shared_folder / "real/s3dis_room/Area_1"
-    result = invoke("raytrace", area, "-o", tmp_path / "r", "--cache", tmp_path, "--step", "0.5", "--json", *COARSE)
+    result = invoke(
+        "raytrace",
+        area,
+        "-o",
+        tmp_path / "r",
+        "--cache",
+        tmp_path,
+        "--step",
+        "0.5",
+        "--json",
+        *COARSE,
+    )
     document = json.loads(result.stdout)
     assert (document["building_points"], document["objects"]) == (480_470, 90)
     assert document["objects_seen"] > 60

@@ -34,14 +34,18 @@ def recording(make_recording, tmp_path):
 def test_json_is_one_document_on_stdout_with_the_promised_keys(recording, tmp_path, weights_path):
     result = segment(recording, tmp_path / "out", weights_path, "--json")
     document = json.loads(result.stdout)
-    assert {"scans", "voxels", "objects", "ms_per_scan", "peak_memory_mb", "resumed_from"} <= set(document)
+    assert {"scans", "voxels", "objects", "ms_per_scan", "peak_memory_mb", "resumed_from"} <= set(
+        document
+    )
     assert document["scans"] == 4
     assert document["voxels"] == len(read_cloud(tmp_path / "out/map.ply"))
     assert set(document["ms_per_scan"]) == {"p50", "p95", "max"}
     assert (result.exit_code, result.stderr) == (0, "")
 
 
-def test_the_table_goes_to_stdout_as_plain_text_when_it_is_no_terminal(recording, tmp_path, weights_path):
+def test_the_table_goes_to_stdout_as_plain_text_when_it_is_no_terminal(
+    recording, tmp_path, weights_path
+):
     result = segment(recording, tmp_path / "out", weights_path)
     assert re.search(r"^scans +4$", result.stdout, re.MULTILINE)
     assert "\x1b" not in result.stdout
@@ -61,7 +65,12 @@ def test_overwrite_starts_again_with_other_settings(recording, tmp_path, weights
     refused = segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2)
     assert refused.exit_code == 1
     assert "--voxel-size 0.1, now 0.2" in refused.stderr
-    assert segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2, "--overwrite").exit_code == 0
+    assert (
+        segment(
+            recording, tmp_path / "out", weights_path, "--voxel-size", 0.2, "--overwrite"
+        ).exit_code
+        == 0
+    )
 
 
 def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, weights_path):
@@ -73,22 +82,32 @@ def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, 
     for number, path in enumerate(sorted(scans.iterdir())):
         cloud, robot = read_cloud(path), np.array([0.4 * number, 0.0, 0.5])
         local = (cloud.xyz.astype(np.float64) - robot) @ turn
-        write_cloud(sensor / path.name, Cloud(cloud.columns | {axis: local[:, i] for i, axis in enumerate("xyz")}))
+        write_cloud(
+            sensor / path.name,
+            Cloud(cloud.columns | {axis: local[:, i] for i, axis in enumerate("xyz")}),
+        )
         matrix = np.column_stack([turn, robot])
         lines.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
     (tmp_path / "kitti.txt").write_text("\n".join(lines) + "\n")
     segment((scans, poses), tmp_path / "a", weights_path)
-    result = segment((sensor, tmp_path / "kitti.txt"), tmp_path / "b", weights_path, "--frame", "sensor")
+    result = segment(
+        (sensor, tmp_path / "kitti.txt"), tmp_path / "b", weights_path, "--frame", "sensor"
+    )
     assert result.exit_code == 0
     np.testing.assert_allclose(
-        read_cloud(tmp_path / "b/map.ply").xyz, read_cloud(tmp_path / "a/map.ply").xyz, rtol=0, atol=1e-5
+        read_cloud(tmp_path / "b/map.ply").xyz,
+        read_cloud(tmp_path / "a/map.ply").xyz,
+        rtol=0,
+        atol=1e-5,
     )
     kept = read_cloud(tmp_path / "b/scans/000001.ply")
     np.testing.assert_array_equal(kept.xyz, read_cloud(sensor / "000001.ply").xyz)
 
 
 def test_a_scan_without_colour_is_labelled_as_grey(make_recording, tmp_path, weights_path):
-    result = segment(make_recording(tmp_path / "input", colour=False), tmp_path / "out", weights_path)
+    result = segment(
+        make_recording(tmp_path / "input", colour=False), tmp_path / "out", weights_path
+    )
     assert result.exit_code == 0
     assert np.unique(read_cloud(tmp_path / "out/map.ply").rgb).tolist() == [128]
 
@@ -98,7 +117,9 @@ def test_the_floor_can_be_chosen(recording, tmp_path, weights_path, floor):
     segment(recording, tmp_path / "out", weights_path, "--floor", floor)
     events = [json.loads(line) for line in (tmp_path / "out/events.jsonl").read_text().splitlines()]
     lowest = read_cloud(sorted(recording[0].iterdir())[0]).xyz[:, 2].min()
-    assert events[0]["floor"] == pytest.approx(lowest if floor == "scan-min" else float(floor), abs=1e-6)
+    assert events[0]["floor"] == pytest.approx(
+        lowest if floor == "scan-min" else float(floor), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -142,9 +163,19 @@ def test_the_bundled_example_runs_resumes_and_scores(tmp_path):
 
 
 def test_truth_scored_against_itself_is_perfect():
-    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
+    scores = json.loads(
+        invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout
+    )
     assert scores["unit"] == "point"  # a cloud; a run has voxels
-    for name in ("point_accuracy", "miou_present", "nmi", "ari", "homogeneity", "completeness", "mean_class_accuracy"):
+    for name in (
+        "point_accuracy",
+        "miou_present",
+        "nmi",
+        "ari",
+        "homogeneity",
+        "completeness",
+        "mean_class_accuracy",
+    ):
         assert scores[name] == pytest.approx(1.0)
 
 
@@ -152,18 +183,26 @@ def test_class_tables_of_different_order_are_matched_by_name(tmp_path):
     truth = read_cloud(WALK / "gt/000000.ply")
     reversed_classes = tuple(reversed(truth.classes))
     semantic = (len(truth.classes) - 1 - truth.label("semantic")).astype(np.uint8)
-    write_cloud(tmp_path / "other.ply", Cloud(truth.columns | {"semantic": semantic}, reversed_classes))
-    scores = json.loads(invoke("eval", tmp_path / "other.ply", WALK / "gt/000000.ply", "--json").stdout)
+    write_cloud(
+        tmp_path / "other.ply", Cloud(truth.columns | {"semantic": semantic}, reversed_classes)
+    )
+    scores = json.loads(
+        invoke("eval", tmp_path / "other.ply", WALK / "gt/000000.ply", "--json").stdout
+    )
     assert scores["point_accuracy"] == 1.0
 
 
 def test_points_without_truth_nearby_are_counted_and_not_scored(tmp_path):
     truth = read_cloud(WALK / "gt/000000.ply")
-    half = Cloud({name: column[::2] for name, column in truth.columns.items() if name != "x"}, truth.classes)
+    half = Cloud(
+        {name: column[::2] for name, column in truth.columns.items() if name != "x"}, truth.classes
+    )
     shifted = truth.columns["x"][::2].copy()
     shifted[:100] += 50
     write_cloud(tmp_path / "half.ply", Cloud({"x": shifted, **half.columns}, truth.classes))
-    scores = json.loads(invoke("eval", tmp_path / "half.ply", WALK / "gt/000000.ply", "--json").stdout)
+    scores = json.loads(
+        invoke("eval", tmp_path / "half.ply", WALK / "gt/000000.ply", "--json").stdout
+    )
     assert scores["points"] - scores["covered"] == 100
     assert scores["point_accuracy"] == 1.0
 
@@ -195,7 +234,9 @@ def test_version_and_help_answer():
 def test_real_recordings_are_labelled_alike_from_csv_and_tum_poses(shared_folder, tmp_path):
     walk = shared_folder / "real/hololens_walk"
     for kind in ("csv", "tum"):
-        result = invoke("segment", walk / "scans", walk / f"poses.{kind}", "-o", tmp_path / kind, "-q", "--json")
+        result = invoke(
+            "segment", walk / "scans", walk / f"poses.{kind}", "-o", tmp_path / kind, "-q", "--json"
+        )
         assert json.loads(result.stdout)["scans"] == 94
     assert (tmp_path / "csv/map.ply").read_bytes() == (tmp_path / "tum/map.ply").read_bytes()
 
@@ -215,13 +256,17 @@ def test_laser_scans_in_the_sensor_frame_land_on_top_of_each_other(shared_folder
     assert shares[0] > 0.8
     assert shares[1] < 0.6
     options = ["--frame", "sensor", "-q", "--json"]
-    result = invoke("segment", laser / "scans", laser / "poses_kitti.txt", "-o", tmp_path / "out", *options)
+    result = invoke(
+        "segment", laser / "scans", laser / "poses_kitti.txt", "-o", tmp_path / "out", *options
+    )
     assert json.loads(result.stdout)["scans"] == 3
 
 
 def test_the_robot_loop_of_the_examples_runs(tmp_path):
     arguments = [str(REPOSITORY / "examples" / part) for part in ("robot_loop.py", "office_walk")]
-    result = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+    result = subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
     assert result.returncode == 0, result.stderr
     assert result.stdout
 
@@ -229,9 +274,14 @@ def test_the_robot_loop_of_the_examples_runs(tmp_path):
 def test_the_python_of_the_readme_runs(make_recording, tmp_path):
     from mcpseg_cli.formats.recording import open_recording, read_scan
 
-    scans = [read_scan(source, "map", 0.1)[0] for source in open_recording(*make_recording(tmp_path / "input"))]
+    scans = [
+        read_scan(source, "map", 0.1)[0]
+        for source in open_recording(*make_recording(tmp_path / "input"))
+    ]
     code = re.search(
-        r"```python\n(from mcpseg_cli.scan.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL
+        r"```python\n(from mcpseg_cli.scan.*?)```",
+        (REPOSITORY / "README.md").read_text(),
+        re.DOTALL,
     ).group(1)
     names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
     exec(compile(code, "README.md", "exec"), names)  # our own text
@@ -242,7 +292,9 @@ def test_the_python_of_the_readme_runs(make_recording, tmp_path):
 def test_the_open3d_lines_of_the_readme_run(make_recording, tmp_path, weights_path, monkeypatch):
     segment(make_recording(tmp_path / "input"), tmp_path / "out", weights_path)
     monkeypatch.chdir(tmp_path)
-    code = re.search(r"```python\n(import open3d.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL).group(1)
+    code = re.search(
+        r"```python\n(import open3d.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL
+    ).group(1)
     names = {}
     exec(compile(code, "README.md", "exec"), names)  # our own text
     assert len(names["on_floor"]) == len(read_cloud(tmp_path / "out/map.ply"))
@@ -286,7 +338,11 @@ def test_every_mcpseg_command_of_the_readme_parses():
     ],
 )
 def test_eval_names_labels_that_make_no_sense(tmp_path, name, labels, found):
-    arrays = {"xyz": np.random.default_rng(0).random((9, 3)), "semantic": np.zeros(9, int), "instance": np.ones(9, int)}
+    arrays = {
+        "xyz": np.random.default_rng(0).random((9, 3)),
+        "semantic": np.zeros(9, int),
+        "instance": np.ones(9, int),
+    }
     np.savez(tmp_path / "truth.npz", **(arrays | {name: labels}))
     result = invoke("eval", tmp_path / "truth.npz", tmp_path / "truth.npz")
     assert result.exit_code == 1
@@ -297,7 +353,9 @@ def test_eval_without_true_objects_scores_the_classes(tmp_path):
     truth = read_cloud(WALK / "gt/000000.ply")
     none = np.zeros(len(truth), np.int32)
     write_cloud(tmp_path / "truth.ply", Cloud(truth.columns | {"instance": none}, truth.classes))
-    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", tmp_path / "truth.ply", "--json").stdout)
+    scores = json.loads(
+        invoke("eval", WALK / "gt/000000.ply", tmp_path / "truth.ply", "--json").stdout
+    )
     assert (scores["point_accuracy"], scores["in_objects"], scores["nmi"]) == (1.0, 0, 0.0)
 
 
@@ -307,15 +365,24 @@ def test_every_file_of_the_truth_may_have_its_own_class_order(tmp_path):
         truth = read_cloud(WALK / f"gt/00000{number}.ply")
         classes, semantic = truth.classes, truth.label("semantic")
         if number:
-            classes, semantic = tuple(reversed(classes)), (len(classes) - 1 - semantic).astype(np.uint8)
-        write_cloud(tmp_path / f"gt/{number}.ply", Cloud(truth.columns | {"semantic": semantic}, classes))
+            classes, semantic = (
+                tuple(reversed(classes)),
+                (len(classes) - 1 - semantic).astype(np.uint8),
+            )
+        write_cloud(
+            tmp_path / f"gt/{number}.ply", Cloud(truth.columns | {"semantic": semantic}, classes)
+        )
     for number in (0, 1):
-        scores = json.loads(invoke("eval", WALK / f"gt/00000{number}.ply", tmp_path / "gt", "--json").stdout)
+        scores = json.loads(
+            invoke("eval", WALK / f"gt/00000{number}.ply", tmp_path / "gt", "--json").stdout
+        )
         assert scores["point_accuracy"] > 0.99
 
 
 def test_eval_of_the_truth_itself_finds_every_object():
-    scores = json.loads(invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout)
+    scores = json.loads(
+        invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout
+    )
     assert scores["scored_over"] == "whole map"
     names = (
         "ami",
@@ -346,7 +413,10 @@ def test_eval_names_a_confidence_that_is_no_number(tmp_path):
 
 
 def test_eval_of_a_missing_path_says_so(tmp_path):
-    assert "nowhere: no such file or folder" in invoke("eval", tmp_path / "nowhere", WALK / "gt").stderr
+    assert (
+        "nowhere: no such file or folder"
+        in invoke("eval", tmp_path / "nowhere", WALK / "gt").stderr
+    )
 
 
 def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
@@ -354,9 +424,20 @@ def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
     import time
 
     scans, poses = make_recording(tmp_path / "input", num_scans=300)
-    arguments = ["segment", str(scans), str(poses), "-o", str(tmp_path / "out"), "-w", str(weights_path), "-q"]
+    arguments = [
+        "segment",
+        str(scans),
+        str(poses),
+        "-o",
+        str(tmp_path / "out"),
+        "-w",
+        str(weights_path),
+        "-q",
+    ]
     arguments.append("--overwrite")
-    process = subprocess.Popen([sys.executable, "-m", "mcpseg_cli", *arguments], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mcpseg_cli", *arguments], stderr=subprocess.PIPE, text=True
+    )
     events = tmp_path / "out/events.jsonl"
     while process.poll() is None and not (events.exists() and events.stat().st_size):
         time.sleep(0.005)
@@ -371,7 +452,11 @@ def test_results_survive_a_closed_stdout(recording, tmp_path, weights_path):
     scans, poses = recording
     arguments = f"segment {scans} {poses} -o {tmp_path}/out -w {weights_path} -q"
     result = subprocess.run(
-        f"{sys.executable} -m mcpseg_cli {arguments} >&-", shell=True, stderr=subprocess.PIPE, text=True, check=False
+        f"{sys.executable} -m mcpseg_cli {arguments} >&-",
+        shell=True,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
     )
     assert "Traceback" not in result.stderr
     assert (tmp_path / "out/objects.json").exists()

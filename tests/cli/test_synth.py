@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
 from mcpseg_cli.formats.s3dis import read_area
-from mcpseg_cli.lock import exclusive
+from mcpseg_cli.resumable import exclusive
 
 REPOSITORY = Path(__file__).parents[2]
 SMALL = ("--rooms", "3", "--spacing", "0.08", "--seed", "5", "-q")
@@ -80,11 +80,17 @@ def test_the_number_of_the_folder_decides_the_style(tmp_path):
     invoke("synth", tmp_path / "a/Area_3", *SMALL)
     invoke("synth", tmp_path / "b/Area_3", *SMALL, "--style", "3")
     invoke("synth", tmp_path / "c/Area_3", *SMALL, "--style", "1")
-    assert texts_of(tmp_path / "a/Area_3") == texts_of(tmp_path / "b/Area_3") != texts_of(tmp_path / "c/Area_3")
+    assert (
+        texts_of(tmp_path / "a/Area_3")
+        == texts_of(tmp_path / "b/Area_3")
+        != texts_of(tmp_path / "c/Area_3")
+    )
 
 
 def test_a_killed_command_continues_to_the_same_area(area, tmp_path):
-    process = subprocess.Popen(command(tmp_path / "Area_1", "--jobs", "1"), stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command(tmp_path / "Area_1", "--jobs", "1"), stdout=subprocess.DEVNULL
+    )
     while not list(tmp_path.glob("Area_1/*/Annotations")) and process.poll() is None:
         time.sleep(0.002)
     process.send_signal(signal.SIGKILL)
@@ -164,7 +170,10 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
 
     full = subprocess.run(
-        command(tmp_path / "Area_1", "--jobs", "1"), preexec_fn=limit_file_size, capture_output=True, text=True
+        command(tmp_path / "Area_1", "--jobs", "1"),
+        preexec_fn=limit_file_size,
+        capture_output=True,
+        text=True,
     )
     assert full.returncode == 1
     assert len(full.stderr.splitlines()) == 1
@@ -176,7 +185,15 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
 def test_from_nothing_to_scores(area, tmp_path, weights_path):
     coarse = ("--step", "1.5", "--h-res", "3", "--v-res", "3", "-q")
     assert invoke("raytrace", area, "-o", tmp_path / "r", *coarse).exit_code == 0
-    scans = invoke("segment", tmp_path / "r/scans", tmp_path / "r/poses.csv", "-o", tmp_path / "o", "-w", weights_path)
+    scans = invoke(
+        "segment",
+        tmp_path / "r/scans",
+        tmp_path / "r/poses.csv",
+        "-o",
+        tmp_path / "o",
+        "-w",
+        weights_path,
+    )
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
@@ -184,7 +201,9 @@ def test_from_nothing_to_scores(area, tmp_path, weights_path):
 
 def test_the_python_lines_of_the_readme_run():
     text = (REPOSITORY / "README.md").read_text()
-    code = re.search(r"```python\n(from mcpseg_cli.config import RaytraceSettings.*?)```", text, re.DOTALL).group(1)
+    code = re.search(
+        r"```python\n(from mcpseg_cli.config import RaytraceSettings.*?)```", text, re.DOTALL
+    ).group(1)
     names: dict = {}
     exec(compile(code, "README.md", "exec"), names)  # our own text
     assert len(names["scan"].points) > 1000
@@ -192,7 +211,14 @@ def test_the_python_lines_of_the_readme_run():
 
 def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):
     room = next(path.name for path in area.iterdir() if path.is_dir())
-    script = [sys.executable, REPOSITORY / "examples/render_building.py", area, "--rooms", room, "--above"]
+    script = [
+        sys.executable,
+        REPOSITORY / "examples/render_building.py",
+        area,
+        "--rooms",
+        room,
+        "--above",
+    ]
     subprocess.run([*script, "-o", tmp_path], check=True, capture_output=True)
     for name in (room, "above"):
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")

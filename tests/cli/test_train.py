@@ -19,8 +19,8 @@ from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.recording import open_recording, read_scan
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.lock import exclusive
 from mcpseg_cli.networks.weights import load_weights
+from mcpseg_cli.resumable import exclusive
 from tests.areas import CLASSES, write_area
 
 SMALL = ("--batch-size", "64", "--context", "8", "--seed", "3")
@@ -53,7 +53,9 @@ def arguments(data: Path, output: Path, *options: object) -> list[str]:
 def start(words: list[str], stderr=None) -> subprocess.Popen:
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
-    return subprocess.Popen(command, env=environment, stderr=stderr, stdout=subprocess.DEVNULL, text=True)
+    return subprocess.Popen(
+        command, env=environment, stderr=stderr, stdout=subprocess.DEVNULL, text=True
+    )
 
 
 def wait_for(path: Path) -> None:
@@ -119,7 +121,9 @@ def test_a_killed_training_resumes_to_the_same_weights(data, tmp_path):
     assert "--resume to continue it or --overwrite" in invoke(*words).stderr
     result = invoke(*words, "--resume")
     assert result.exit_code == 0, result.stderr
-    whole, cut = (load_file(tmp_path / part / "mcpnet-holdout2.safetensors") for part in ("whole", "cut"))
+    whole, cut = (
+        load_file(tmp_path / part / "mcpnet-holdout2.safetensors") for part in ("whole", "cut")
+    )
     assert all(torch.equal(whole[name], cut[name]) for name in whole)
 
 
@@ -150,30 +154,72 @@ def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypa
 def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
     options = ("--epochs", "3", "--net", "pointnet", "-q")
     words = arguments(data, tmp_path / "two", *options)
-    launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m", "mcpseg_cli", "train"]
+    launch = [
+        "-m",
+        "torch.distributed.run",
+        "--standalone",
+        "--nproc-per-node",
+        "2",
+        "-m",
+        "mcpseg_cli",
+        "train",
+    ]
     subprocess.run([sys.executable, *launch, *words], check=True, capture_output=True, timeout=120)
-    assert invoke(*arguments(data, tmp_path / "one", *options, "--batches-per-step", "2")).exit_code == 0
-    one, two = (load_file(tmp_path / part / "pointnet-holdout2.safetensors") for part in ("one", "two"))
+    assert (
+        invoke(*arguments(data, tmp_path / "one", *options, "--batches-per-step", "2")).exit_code
+        == 0
+    )
+    one, two = (
+        load_file(tmp_path / part / "pointnet-holdout2.safetensors") for part in ("one", "two")
+    )
     for name in one:
         torch.testing.assert_close(two[name], one[name], rtol=1e-3, atol=1e-4)
-    records = [json.loads((tmp_path / part / "pointnet-holdout2.json").read_text()) for part in ("one", "two")]
+    records = [
+        json.loads((tmp_path / part / "pointnet-holdout2.json").read_text())
+        for part in ("one", "two")
+    ]
     losses = [[report["train"]["loss"] for report in record["curves"]] for record in records]
     assert losses[0] == pytest.approx(losses[1], rel=1e-3)
 
 
 def test_json_is_one_document_and_folds_are_a_list(data, tmp_path):
     result = invoke(
-        data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1", "--json", "-q"
+        data,
+        "--holdout",
+        "all",
+        *SMALL,
+        "-o",
+        tmp_path,
+        "--net",
+        "voxnet",
+        "--epochs",
+        "1",
+        "--json",
+        "-q",
     )
     document = json.loads(result.stdout)
     assert [record["holdout"] for record in document] == [1, 2]
     assert {path.stem for path in tmp_path.iterdir()} == {"voxnet-holdout1", "voxnet-holdout2"}
-    again = invoke(data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1", "--resume")
+    again = invoke(
+        data,
+        "--holdout",
+        "all",
+        *SMALL,
+        "-o",
+        tmp_path,
+        "--net",
+        "voxnet",
+        "--epochs",
+        "1",
+        "--resume",
+    )
     assert again.stderr.count("nothing to do") == 2
 
 
 def test_everything_can_be_trained_on(data, tmp_path):
-    result = invoke(data, "--holdout", "none", *SMALL, "-o", tmp_path, "--epochs", "1", "--name", "mine", "-q")
+    result = invoke(
+        data, "--holdout", "none", *SMALL, "-o", tmp_path, "--epochs", "1", "--name", "mine", "-q"
+    )
     record = json.loads((tmp_path / "mine.json").read_text())
     assert result.exit_code == 0
     assert record["validation"] is None
@@ -187,14 +233,30 @@ def test_paths_that_are_no_utf8_are_written_as_escapes(tmp_path):
     except OSError:
         pytest.skip("this file system takes no such names")
     output = folder / "out"
-    words = [os.fsencode(word) for word in (str(folder), "--holdout", "none", *SMALL, "-o", str(output))]
-    command = [sys.executable, "-m", "mcpseg_cli", "train", *words, "--name", b"a\xfd", "--epochs", "1"]
-    result = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+    words = [
+        os.fsencode(word) for word in (str(folder), "--holdout", "none", *SMALL, "-o", str(output))
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "mcpseg_cli",
+        "train",
+        *words,
+        "--name",
+        b"a\xfd",
+        "--epochs",
+        "1",
+    ]
+    result = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
+    )
     assert result.returncode == 0, result.stderr
     record = json.loads((output / os.fsdecode(b"a\xfd.json")).read_text())
     assert "d\\xff" in record["command"]
     assert "hall\\xfe" in (output / os.fsdecode(b"a\xfd.md")).read_text()
-    shutil.copy(output / os.fsdecode(b"a\xfd.safetensors"), tmp_path / "a.safetensors")  # safetensors reads UTF-8 only
+    shutil.copy(
+        output / os.fsdecode(b"a\xfd.safetensors"), tmp_path / "a.safetensors"
+    )  # safetensors reads UTF-8 only
     assert load_weights(tmp_path / "a.safetensors").info.training["data"] == "hall\\xfe"
 
 
@@ -202,7 +264,19 @@ def test_fine_tuning_for_other_classes(data, trained, tmp_path):
     table = tmp_path / "classes.csv"
     table.write_text("label,class\nfloor,ground\nwall,wall\n")
     first = trained / "mcpnet-holdout2.safetensors"
-    words = (data, "--holdout", "none", "--batch-size", "64", "--init", first, "--classes", table, "--epochs", "1")
+    words = (
+        data,
+        "--holdout",
+        "none",
+        "--batch-size",
+        "64",
+        "--init",
+        first,
+        "--classes",
+        table,
+        "--epochs",
+        "1",
+    )
     result = invoke(*words, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     assert "classes that start afresh: ground" in result.stderr

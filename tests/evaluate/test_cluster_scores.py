@@ -6,19 +6,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn import metrics as sklearn_metrics
 
+from mcpseg_cli.evaluate.class_scores import (
+    class_accuracy,
+    confusion_matrix,
+    intersection_over_union,
+)
 from mcpseg_cli.evaluate.cluster_scores import (
     adjusted_mutual_information,
     adjusted_rand_index,
-    class_accuracy,
-    confusion_matrix,
     contingency,
     information_scores,
-    intersection_over_union,
     v_measure,
 )
 
 labellings = st.integers(1, 80).flatmap(
-    lambda size: st.tuples(*[st.lists(st.integers(1, 6), min_size=size, max_size=size) for _ in range(2)])
+    lambda size: st.tuples(
+        *[st.lists(st.integers(1, 6), min_size=size, max_size=size) for _ in range(2)]
+    )
 )
 
 
@@ -31,8 +35,12 @@ def test_cluster_scores_equal_scikit_learns(pair):
     assert nmi == pytest.approx(sklearn_metrics.normalized_mutual_info_score(*pair), abs=1e-9)
     assert homogeneity == pytest.approx(sklearn_metrics.homogeneity_score(*pair), abs=1e-9)
     assert completeness == pytest.approx(sklearn_metrics.completeness_score(*pair), abs=1e-9)
-    assert v_measure(homogeneity, completeness) == pytest.approx(sklearn_metrics.v_measure_score(*pair), abs=1e-9)
-    assert adjusted_rand_index(table) == pytest.approx(sklearn_metrics.adjusted_rand_score(*pair), abs=1e-9)
+    assert v_measure(homogeneity, completeness) == pytest.approx(
+        sklearn_metrics.v_measure_score(*pair), abs=1e-9
+    )
+    assert adjusted_rand_index(table) == pytest.approx(
+        sklearn_metrics.adjusted_rand_score(*pair), abs=1e-9
+    )
 
 
 def test_the_confusion_matrix_counts_true_rows_and_predicted_columns():
@@ -62,9 +70,13 @@ def test_adjusted_mutual_information_equals_scikit_learns(pair):
 def test_adjusted_mutual_information_equals_scikit_learns_on_thousands_of_points(clusters):
     rng = np.random.default_rng(clusters[0])
     labels_true = (clusters[0] * rng.random(3000) ** 3).astype(int)
-    labels_pred = np.where(rng.random(3000) < 0.7, labels_true, clusters[0] + rng.integers(clusters[1], size=3000))
+    labels_pred = np.where(
+        rng.random(3000) < 0.7, labels_true, clusters[0] + rng.integers(clusters[1], size=3000)
+    )
     ami = adjusted_mutual_information(contingency(labels_true, labels_pred))
-    assert ami == pytest.approx(sklearn_metrics.adjusted_mutual_info_score(labels_true, labels_pred), abs=1e-9)
+    assert ami == pytest.approx(
+        sklearn_metrics.adjusted_mutual_info_score(labels_true, labels_pred), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,4 +93,6 @@ def test_adjusted_mutual_information_equals_scikit_learns_on_thousands_of_points
 def test_adjusted_mutual_information_of_trivial_clusterings(labels_true, labels_pred, expected):
     table = contingency(np.array(labels_true), np.array(labels_pred))
     assert adjusted_mutual_information(table) == pytest.approx(expected, abs=1e-12)
-    assert sklearn_metrics.adjusted_mutual_info_score(labels_true, labels_pred) == pytest.approx(expected, abs=1e-9)
+    assert sklearn_metrics.adjusted_mutual_info_score(labels_true, labels_pred) == pytest.approx(
+        expected, abs=1e-9
+    )

@@ -8,14 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.evaluate.average_precision import THRESHOLDS, average_precision, precision_over_recall
-from mcpseg_cli.evaluate.overlaps import PointLabels, find_overlaps, join_overlaps
-from mcpseg_cli.evaluate.panoptic import (
-    coverage,
-    object_accuracy,
-    panoptic_quality,
-    precision_50,
+from mcpseg_cli.evaluate.average_precision import (
+    THRESHOLDS,
+    average_precision,
+    precision_over_recall,
 )
+from mcpseg_cli.evaluate.coverage import coverage
+from mcpseg_cli.evaluate.object_scores import object_accuracy, precision_50
+from mcpseg_cli.evaluate.overlaps import PointLabels, find_overlaps, join_overlaps
+from mcpseg_cli.evaluate.panoptic import panoptic_quality
 
 NUM_CLASSES = 3
 MIN_POINTS = 3
@@ -29,9 +30,13 @@ def scenes(draw):
     classes = np.array([0, 1, 2, 1, 0, 2, UNKNOWN, 1])
     instance_true = np.sort(rng.integers(0, 8, size))
     noise = rng.random(size) < rng.choice([0.0, 0.2, 0.6])
-    instance_pred = np.where(noise, rng.integers(0, 12, size), instance_true // rng.integers(1, 3) + 3)
+    instance_pred = np.where(
+        noise, rng.integers(0, 12, size), instance_true // rng.integers(1, 3) + 3
+    )
     true = PointLabels(np.where(rng.random(size) < 0.05, 0, classes[instance_true]), instance_true)
-    semantic_pred = np.where(rng.random(size) < 0.2, rng.choice([0, 1, 2, UNKNOWN], size), classes[instance_pred % 8])
+    semantic_pred = np.where(
+        rng.random(size) < 0.2, rng.choice([0, 1, 2, UNKNOWN], size), classes[instance_pred % 8]
+    )
     unit = np.sort(rng.integers(0, 2, size)) * 7
     return true, PointLabels(semantic_pred, instance_pred), unit, rng.choice([0.25, 0.5, 1.0], size)
 
@@ -42,9 +47,14 @@ def vote(points, semantic):
 
 
 def objects_of(labels, unit):
-    keys = sorted({(u, i) for u, i in zip(unit.tolist(), labels.instance.tolist(), strict=True) if i > 0})
+    keys = sorted(
+        {(u, i) for u, i in zip(unit.tolist(), labels.instance.tolist(), strict=True) if i > 0}
+    )
     sets = [set(np.flatnonzero((unit == u) & (labels.instance == i)).tolist()) for u, i in keys]
-    return [(points, vote(points, labels.semantic), u) for points, (u, _) in zip(sets, keys, strict=True)]
+    return [
+        (points, vote(points, labels.semantic), u)
+        for points, (u, _) in zip(sets, keys, strict=True)
+    ]
 
 
 def known_objects(true, pred, unit):
@@ -79,7 +89,11 @@ def slow_precision(trues, preds, confidence, valid, threshold):
     for label in range(NUM_CLASSES):
         own = [points for points, semantic, _ in trues if semantic == label]
         large = [points for points in own if len(points) >= MIN_POINTS]
-        theirs = [(b, c) for (b, s, _), c in zip(preds, confidence, strict=True) if s == label and len(b) >= MIN_POINTS]
+        theirs = [
+            (b, c)
+            for (b, s, _), c in zip(preds, confidence, strict=True)
+            if s == label and len(b) >= MIN_POINTS
+        ]
         if not large:
             continue
         scores, missed, taken = [], 0, []
@@ -121,21 +135,32 @@ def slow_area(scores, missed):
 
 def slow_coverage(trues, preds, valid):
     preds = [(b & valid, semantic, unit) for b, semantic, unit in preds if b & valid]
-    best = [max([iou_of(a, b) for b, t, v in preds if (t, v) == (s, u)], default=0.0) for a, s, u in trues]
+    best = [
+        max([iou_of(a, b) for b, t, v in preds if (t, v) == (s, u)], default=0.0)
+        for a, s, u in trues
+    ]
     covered, weighted, right, found = [], [], [], []
     for label in range(NUM_CLASSES):
         rooms = []
         for room in {u for _, s, u in trues if s == label}:
-            own = [(len(a), iou) for (a, s, u), iou in zip(trues, best, strict=True) if (s, u) == (label, room)]
+            own = [
+                (len(a), iou)
+                for (a, s, u), iou in zip(trues, best, strict=True)
+                if (s, u) == (label, room)
+            ]
             weight = sum(size * iou for size, iou in own) / sum(size for size, _ in own)
             rooms.append((mean([iou for _, iou in own]), weight))
         same = [a for a, s, _ in trues if s == label]
-        hits = [max([iou_of(a, b) for a in same], default=0) >= 0.5 for b, t, _ in preds if t == label]
+        hits = [
+            max([iou_of(a, b) for a in same], default=0) >= 0.5 for b, t, _ in preds if t == label
+        ]
         right += [mean(hits)] if hits or rooms else []
         if rooms:
             covered.append(mean([room[0] for room in rooms]))
             weighted.append(mean([room[1] for room in rooms]))
-            found.append(mean([iou >= 0.5 for (_, s, _), iou in zip(trues, best, strict=True) if s == label]))
+            found.append(
+                mean([iou >= 0.5 for (_, s, _), iou in zip(trues, best, strict=True) if s == label])
+            )
     return mean(covered), mean(weighted), mean(right), mean(found)
 
 
@@ -144,7 +169,9 @@ def slow_coverage(trues, preds, valid):
 def test_panoptic_quality_equals_a_slow_twins(scene):
     true, pred, unit, _ = scene
     quality = panoptic_quality(find_overlaps(true, pred, NUM_CLASSES, unit=unit))
-    assert [quality.pq, quality.sq, quality.rq] == pytest.approx(slow_quality(*known_objects(true, pred, unit)))
+    assert [quality.pq, quality.sq, quality.rq] == pytest.approx(
+        slow_quality(*known_objects(true, pred, unit))
+    )
 
 
 @settings(max_examples=200, deadline=None)
@@ -178,7 +205,9 @@ def scene_of(*groups):
 
 
 def test_object_accuracy_counts_true_objects_met_by_a_larger_prediction_of_their_class():
-    true, pred = scene_of((60, 0, 1, 0, 1), (40, 0, 1, 0, 2), (60, 1, 2, 2, 3), (50, 2, 3, 2, 4), (51, 2, 4, 2, 5))
+    true, pred = scene_of(
+        (60, 0, 1, 0, 1), (40, 0, 1, 0, 2), (60, 1, 2, 2, 3), (50, 2, 3, 2, 4), (51, 2, 4, 2, 5)
+    )
     overlaps = find_overlaps(true, pred, 3)
     assert object_accuracy(overlaps) == 2 / 4  # object 2 has another class, object 3 only 50 points
     assert precision_50(overlaps) == 3 / 5
@@ -187,7 +216,9 @@ def test_object_accuracy_counts_true_objects_met_by_a_larger_prediction_of_their
 def test_points_without_true_object_do_not_count_against_a_prediction():
     true, pred = scene_of((60, 0, 1, 0, 1), (100, 0, 0, 0, 1), (70, UNKNOWN, 5, 0, 1))
     overlaps = find_overlaps(true, pred, 3)
-    assert object_accuracy(overlaps) == precision_50(overlaps) == panoptic_quality(overlaps).pq == 1.0
+    assert (
+        object_accuracy(overlaps) == precision_50(overlaps) == panoptic_quality(overlaps).pq == 1.0
+    )
 
 
 def test_an_iou_of_one_half_is_no_match_but_covers():
@@ -219,7 +250,8 @@ def test_stuff_that_meets_less_than_half_counts_in_pq_dagger_only():
 
 
 def test_average_precision_by_hand():
-    # Right at 0.9, wrong at 0.8, right at 0.7, one of three missed: points (1/3, 1), (1/3, 1/2), (2/3, 2/3).
+    # Right at 0.9, wrong at 0.8, right at 0.7, one of three missed: points (1/3, 1), (1/3, 1/2),
+    # (2/3, 2/3).
     area = precision_over_recall(np.array([0.7, 0.9, 0.8]), np.array([True, True, False]), 1)
     assert area == pytest.approx(1 / 3 + (1 / 2 + 2 / 3) / 2 / 3)
 
@@ -262,7 +294,12 @@ def test_a_prediction_partly_in_a_small_object_of_its_class_is_left_out():
 
 def test_maps_without_objects_score_zero():
     overlaps = find_overlaps(*scene_of((5, 0, 0, 0, 0)), 2)
-    assert panoptic_quality(overlaps, stuff=(0,)).pq == object_accuracy(overlaps) == precision_50(overlaps) == 0.0
+    assert (
+        panoptic_quality(overlaps, stuff=(0,)).pq
+        == object_accuracy(overlaps)
+        == precision_50(overlaps)
+        == 0.0
+    )
     assert average_precision(overlaps).ap50 == coverage(overlaps).mcov == 0.0
 
 
@@ -273,11 +310,18 @@ def test_renumbering_the_objects_and_shuffling_the_points_changes_nothing(scene)
     order = np.random.default_rng(0).permutation(len(unit))
     first = find_overlaps(true, pred, NUM_CLASSES, unit=unit, confidence=confidence)
     ids = np.where(pred.instance[order] > 0, 1000 - pred.instance[order], 0)
-    moved = PointLabels(true.semantic[order], true.instance[order]), PointLabels(pred.semantic[order], ids)
+    moved = (
+        PointLabels(true.semantic[order], true.instance[order]),
+        PointLabels(pred.semantic[order], ids),
+    )
     second = find_overlaps(*moved, NUM_CLASSES, unit=unit[order], confidence=confidence[order])
-    assert panoptic_quality(first, stuff=(1,)).pq == pytest.approx(panoptic_quality(second, stuff=(1,)).pq)
+    assert panoptic_quality(first, stuff=(1,)).pq == pytest.approx(
+        panoptic_quality(second, stuff=(1,)).pq
+    )
     assert coverage(first).mwcov == pytest.approx(coverage(second).mwcov)
-    assert average_precision(first, min_points=1).ap == pytest.approx(average_precision(second, min_points=1).ap)
+    assert average_precision(first, min_points=1).ap == pytest.approx(
+        average_precision(second, min_points=1).ap
+    )
 
 
 def pixels(text, void="2"):
@@ -326,5 +370,10 @@ def test_joined_places_equal_units_of_one(scene):
     ]
     joined = join_overlaps(apart)
     assert panoptic_quality(joined).pq == pytest.approx(panoptic_quality(whole).pq)
-    assert average_precision(joined, min_points=1).ap == pytest.approx(average_precision(whole, min_points=1).ap)
-    assert (joined.rows.tolist(), joined.columns.tolist()) == (whole.rows.tolist(), whole.columns.tolist())
+    assert average_precision(joined, min_points=1).ap == pytest.approx(
+        average_precision(whole, min_points=1).ap
+    )
+    assert (joined.rows.tolist(), joined.columns.tolist()) == (
+        whole.rows.tolist(),
+        whole.columns.tolist(),
+    )

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.evaluate.cluster_scores import confusion_matrix, intersection_over_union
+from mcpseg_cli.evaluate.class_scores import confusion_matrix, intersection_over_union
 from mcpseg_cli.evaluate.label_stability import LabelHistory
+from mcpseg_cli.evaluate.scan_by_scan import measure_latency
 from mcpseg_cli.evaluate.score_curve import CurveRecorder
-from mcpseg_cli.segment.events import measure_latency, read_events
+from mcpseg_cli.segment.events import read_events
 
 
 def history_of(true, *looks):
@@ -24,10 +25,17 @@ def finish(history, semantic, instance):
 
 
 def test_flips_are_counted_against_the_look_before():
-    history = history_of([1, 1, 1, 255], ([0, 1, 2, 3], [0, 1, 0, 0], [1, 1, 1, 1]), ([0, 1, 3], [1, 0, 1], [1, 1, 1]))
+    history = history_of(
+        [1, 1, 1, 255],
+        ([0, 1, 2, 3], [0, 1, 0, 0], [1, 1, 1, 1]),
+        ([0, 1, 3], [1, 0, 1], [1, 1, 1]),
+    )
     stability = finish(history, [1, 0, 2, 1], [1, 1, 1, 1])
     assert (stability.looks_again, stability.flips, stability.flips_per_look) == (3, 3, 1.0)
-    assert (stability.flips_to_right, stability.flips_to_wrong) == (1, 1)  # nothing is known about voxel 3
+    assert (stability.flips_to_right, stability.flips_to_wrong) == (
+        1,
+        1,
+    )  # nothing is known about voxel 3
     assert stability.flips_unseen == 1  # voxel 2, never looked at again
 
 
@@ -41,7 +49,11 @@ def test_an_object_that_goes_over_into_another_is_merged():
 def test_a_merge_out_of_sight_shows_in_the_final_map():
     history = history_of([0] * 2, ([0, 1], [0, 0], [1, 2]))
     stability = finish(history, [0, 0], [1, 1])
-    assert (stability.ids_switched, stability.ids_switched_unseen, stability.ids_merged) == (0, 1, 1)
+    assert (stability.ids_switched, stability.ids_switched_unseen, stability.ids_merged) == (
+        0,
+        1,
+        1,
+    )
 
 
 def test_an_object_found_under_two_ids_is_split():
@@ -58,7 +70,11 @@ def test_a_new_name_for_an_object_is_a_switch_and_no_merge():
 
 def test_one_look_at_everything_has_nothing_to_be_unsteady():
     stability = finish(history_of([0], ([0], [0], [1])), [0], [1])
-    assert (stability.looks_again, stability.flips_per_look, stability.switches_per_look) == (0, 0.0, 0.0)
+    assert (stability.looks_again, stability.flips_per_look, stability.switches_per_look) == (
+        0,
+        0.0,
+        0.0,
+    )
 
 
 def test_the_curve_is_the_score_of_the_labels_last_seen():
@@ -75,10 +91,16 @@ def test_the_curve_is_the_score_of_the_labels_last_seen():
         confusion = confusion_matrix(true[known], last[known], 3)
         present = confusion.sum(axis=1) > 0
         expected.append(
-            (known.sum(), intersection_over_union(confusion)[present].mean(), np.trace(confusion) / known.sum())
+            (
+                known.sum(),
+                intersection_over_union(confusion)[present].mean(),
+                np.trace(confusion) / known.sum(),
+            )
         )
     curve = recorder.curve()
-    np.testing.assert_allclose(np.stack([curve.voxels, curve.miou_present, curve.point_accuracy], 1), expected)
+    np.testing.assert_allclose(
+        np.stack([curve.voxels, curve.miou_present, curve.point_accuracy], 1), expected
+    )
     assert curve.document()["miou_present"][-1] == pytest.approx(expected[-1][1])
 
 
@@ -91,7 +113,9 @@ def test_a_curve_of_one_scan_has_it_at_every_tenth():
 def test_latency_sums_the_stages_and_passes_over_what_was_skipped(tmp_path):
     lines = [{"name": f"{n}.ply", "ms": {"read": n, "network": 1.0}} for n in range(1, 101)]
     lines += [{"name": "bad.ply", "skipped": "cut"}, {"name": "lost.ply"}]
-    (tmp_path / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"name": "half')
+    (tmp_path / "events.jsonl").write_text(
+        "".join(json.dumps(line) + "\n" for line in lines) + '{"name": "half'
+    )
     events = read_events(tmp_path / "events.jsonl")
     assert (len(events), sum(event.skipped for event in events)) == (102, 1)
     latency = measure_latency(events)
@@ -99,7 +123,9 @@ def test_latency_sums_the_stages_and_passes_over_what_was_skipped(tmp_path):
     assert measure_latency(events[-2:]) is None
 
 
-@pytest.mark.parametrize("line", ["{", "[]", "{}", '{"name": "a", "ms": 3}', '{"name": "a", "ms": {"read": "x"}}'])
+@pytest.mark.parametrize(
+    "line", ["{", "[]", "{}", '{"name": "a", "ms": 3}', '{"name": "a", "ms": {"read": "x"}}']
+)
 def test_a_line_that_is_no_event_is_named(tmp_path, line):
     (tmp_path / "events.jsonl").write_text(f'{{"name": "0.ply"}}\n{line}\n')
     with pytest.raises(InputError, match=r"events\.jsonl: line 2 that is no event"):

@@ -23,7 +23,10 @@ REACH = 0.05
 
 def write_truth(path: Path, xyz, semantic, instance, classes=CLASSES) -> Path:
     columns = {axis: np.asarray(xyz, np.float32)[:, number] for number, axis in enumerate("xyz")}
-    labels = {"semantic": np.asarray(semantic, np.uint8), "instance": np.asarray(instance, np.int32)}
+    labels = {
+        "semantic": np.asarray(semantic, np.uint8),
+        "instance": np.asarray(instance, np.int32),
+    }
     path.parent.mkdir(parents=True, exist_ok=True)
     write_cloud(path, Cloud(columns | labels, classes))
     return path
@@ -47,8 +50,12 @@ def test_the_nearest_points_are_those_of_a_kd_tree(seed, num_parts, offset):
 
 
 def test_points_beyond_half_a_voxel_are_uncovered_on_either_side(tmp_path):
-    truth = write_truth(tmp_path / "gt.ply", [[0, 0, 0], [1, 0, 0.04], [5, 0, 0]], [0, 1, 2], [1, 2, 3])
-    paired = pair_with_truth(np.array([[1, 0, 0], [2, 0, 0.0]], np.float32), open_truth(truth), CLASSES, REACH)
+    truth = write_truth(
+        tmp_path / "gt.ply", [[0, 0, 0], [1, 0, 0.04], [5, 0, 0]], [0, 1, 2], [1, 2, 3]
+    )
+    paired = pair_with_truth(
+        np.array([[1, 0, 0], [2, 0, 0.0]], np.float32), open_truth(truth), CLASSES, REACH
+    )
     assert (paired.covered.tolist(), paired.semantic.tolist()) == ([True, False], [1, 255])
     assert (paired.truth_points, paired.truth_uncovered, paired.by_point) == (3, 2, False)
 
@@ -62,15 +69,21 @@ def test_the_same_cloud_pairs_point_by_point_even_where_points_coincide(tmp_path
 
 
 def test_true_classes_that_the_table_lacks_are_counted_and_unknown(tmp_path):
-    truth = write_truth(tmp_path / "gt.ply", [[0, 0, 0], [1, 0, 0]], [0, 1], [1, 2], classes=("wall", "stairs"))
+    truth = write_truth(
+        tmp_path / "gt.ply", [[0, 0, 0], [1, 0, 0]], [0, 1], [1, 2], classes=("wall", "stairs")
+    )
     paired = pair_with_truth(np.array([[0, 0, 0.01], [1, 0, 0]]), open_truth(truth), CLASSES, REACH)
     assert paired.semantic.tolist() == [1, 255]
     assert paired.other_classes == {"stairs": 1}
 
 
 def test_class_tables_without_a_common_name_are_refused(tmp_path):
-    truth = open_truth(write_truth(tmp_path / "gt.ply", [[0, 0, 0]], [0], [1], classes=("Wand", "Boden")))
-    with pytest.raises(InputError, match=r"gt\.ply: classes Wand, Boden; expected some of floor, wall, chair"):
+    truth = open_truth(
+        write_truth(tmp_path / "gt.ply", [[0, 0, 0]], [0], [1], classes=("Wand", "Boden"))
+    )
+    with pytest.raises(
+        InputError, match=r"gt\.ply: classes Wand, Boden; expected some of floor, wall, chair"
+    ):
         pair_with_truth(np.zeros((1, 3)), truth, CLASSES, REACH)
 
 
@@ -101,7 +114,9 @@ def test_an_s3dis_area_is_truth_with_rooms(tmp_path):
     rng = np.random.default_rng(0)
     points = [rng.uniform(0, 1, (20, 3)).astype(np.float32) for _ in range(3)]
     rgb = np.zeros((20, 3), np.uint8)
-    write_room(tmp_path / "Area_1", "office_1", [("wall", points[0], rgb), ("chair", points[1], rgb)])
+    write_room(
+        tmp_path / "Area_1", "office_1", [("wall", points[0], rgb), ("chair", points[1], rgb)]
+    )
     write_room(tmp_path / "Area_1", "office_2", [("floor", points[2], rgb)])
     truth = open_truth(tmp_path / "Area_1")
     paired = pair_with_truth(np.concatenate(points), truth, ("floor", "wall", "chair"), REACH)
@@ -114,7 +129,9 @@ def test_an_s3dis_area_is_truth_with_rooms(tmp_path):
 def test_an_hdf5_building_is_truth(tmp_path):
     labels = np.zeros(2, np.uint8), np.ones(2, np.int32)
     xyz = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
-    write_building_h5(tmp_path / "b.h5", Building(xyz, np.zeros((2, 3), np.uint8), *labels, CLASSES))
+    write_building_h5(
+        tmp_path / "b.h5", Building(xyz, np.zeros((2, 3), np.uint8), *labels, CLASSES)
+    )
     paired = pair_with_truth(xyz, open_truth(tmp_path / "b.h5"), CLASSES, REACH)
     assert paired.covered.all()
 

@@ -21,20 +21,28 @@ from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 CLASSES = ("floor", "wall", "chair")
 
 
-def write_pair(folder: Path, seed=0, classes=CLASSES, named=True, num_points=400) -> tuple[Path, Path]:
+def write_pair(
+    folder: Path, seed=0, classes=CLASSES, named=True, num_points=400
+) -> tuple[Path, Path]:
     """Write a labelled cloud and its truth: two rooms of two objects each, a tenth of the labels wrong."""
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(0, 5, (num_points, 3)).astype(np.float32)
     instance = rng.integers(1, 5, num_points).astype(np.int32)
     names = np.array(["", "floor", "wall", "chair", "floor"])[instance]
     semantic = np.array([classes.index(name) for name in names], np.uint8)
-    guess = np.where(rng.random(num_points) < 0.1, rng.integers(0, 3, num_points), semantic).astype(np.uint8)
+    guess = np.where(rng.random(num_points) < 0.1, rng.integers(0, 3, num_points), semantic).astype(
+        np.uint8
+    )
     parts = np.where(rng.random(num_points) < 0.3, instance + 10, instance).astype(np.int32)
     columns = {axis: xyz[:, number] for number, axis in enumerate("xyz")}
     (folder / "gt").mkdir(parents=True)
     table = classes if named else ()
-    write_cloud(folder / "gt/0.ply", Cloud(columns | {"semantic": semantic, "instance": instance}, table))
-    write_cloud(folder / "map.ply", Cloud(columns | {"semantic": guess, "instance": parts}, classes))
+    write_cloud(
+        folder / "gt/0.ply", Cloud(columns | {"semantic": semantic, "instance": instance}, table)
+    )
+    write_cloud(
+        folder / "map.ply", Cloud(columns | {"semantic": guess, "instance": parts}, classes)
+    )
     objects = [{"id": i, "name": f"room_{(i - 1) // 2}/thing_{i}"} for i in range(1, 5)]
     (folder / "raytrace.json").write_text(json.dumps({"objects": objects}))
     return folder / "map.ply", folder / "gt"
@@ -54,19 +62,32 @@ def test_clusters_of_rooms_are_means_of_scikit_learns_over_rooms():
         ("ami", "adjusted_mutual_info_score"),
         ("ari", "adjusted_rand_score"),
     ):
-        values = [getattr(sklearn_metrics, score)(instance[part], predicted[part]) for part in parts]
+        values = [
+            getattr(sklearn_metrics, score)(instance[part], predicted[part]) for part in parts
+        ]
         assert scores[name] == pytest.approx(np.mean(values))
         assert [scores["by_room"][room][name] for room in "abc"] == pytest.approx(values)
-    assert (scores["scored_over"], scores["rooms"], scores["without_room"]) == ("room", 3, int((room < 0).sum()))
+    assert (scores["scored_over"], scores["rooms"], scores["without_room"]) == (
+        "room",
+        3,
+        int((room < 0).sum()),
+    )
 
 
 def test_objects_match_within_their_room():
-    # One predicted object spans two rooms: over the whole map it meets neither object, in each room it is exact.
+    # One predicted object spans two rooms: over the whole map it meets neither object, in each room
+    # it is exact.
     true = PointLabels(np.zeros(200, np.uint8), np.repeat([1, 2], 100))
     pred = PointLabels(np.zeros(200, np.uint8), np.ones(200, int))
     room = np.repeat([0, 1], 100).astype(np.int32)
     scores = score_rooms(true, pred, room, rooms=("a", "b"), classes=("wall",)).objects
-    assert (scores.mcov, scores.mprec, scores.mrec, scores.pq, scores.ap) == (1.0, 1.0, 1.0, 1.0, 1.0)
+    assert (scores.mcov, scores.mprec, scores.mrec, scores.pq, scores.ap) == (
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+    )
 
 
 def test_truth_without_rooms_has_no_figures_by_room(tmp_path):
@@ -95,7 +116,10 @@ def test_it_is_said_what_ranks_objects(tmp_path):
     output, truth = write_pair(tmp_path)
     assert evaluate_run(output, truth).document()["ap_ranked_by"] == "nothing"
     cloud = read_cloud(output)
-    write_cloud(output, Cloud(cloud.columns | {"confidence": np.ones(len(cloud), np.float32)}, cloud.classes))
+    write_cloud(
+        output,
+        Cloud(cloud.columns | {"confidence": np.ones(len(cloud), np.float32)}, cloud.classes),
+    )
     assert evaluate_run(output, truth).document()["ap_ranked_by"] == "mean confidence"
 
 
@@ -109,15 +133,22 @@ def test_truth_that_says_nothing_is_refused(tmp_path):
 
 
 def test_pooled_classes_are_those_of_the_summed_confusion_matrices(tmp_path):
-    runs = [evaluate_run(*write_pair(tmp_path / str(seed), seed, num_points=200 * seed)) for seed in (1, 2)]
+    runs = [
+        evaluate_run(*write_pair(tmp_path / str(seed), seed, num_points=200 * seed))
+        for seed in (1, 2)
+    ]
     pooled, mean = pool(runs), average([run.document() for run in runs])
     confusion = runs[0].confusion + runs[1].confusion
     assert pooled["confusion"] == confusion.tolist()
     assert pooled["point_accuracy"] == pytest.approx(np.trace(confusion) / 600)
-    assert mean["point_accuracy"] == pytest.approx(np.mean([run.document()["point_accuracy"] for run in runs]))
+    assert mean["point_accuracy"] == pytest.approx(
+        np.mean([run.document()["point_accuracy"] for run in runs])
+    )
     assert mean["point_accuracy"] != pytest.approx(pooled["point_accuracy"], abs=1e-6)
     assert (pooled["points"], pooled["objects_true"], pooled["rooms"]["rooms"]) == (600, 8, 4)
-    assert mean["rooms"]["nmi"] == pytest.approx(np.mean([run.rooms.document()["nmi"] for run in runs]))
+    assert mean["rooms"]["nmi"] == pytest.approx(
+        np.mean([run.rooms.document()["nmi"] for run in runs])
+    )
     assert "points" not in mean
 
 
@@ -168,11 +199,22 @@ def test_figures_have_dotted_names():
         "confusion": [[1]],
         "rooms": {"by_room": {"x": {"nmi": 0.1}}},
     }
-    assert flatten(document) == {"a": 1, "iou.wall": 0.5, "iou.door": None, "rooms.by_room.x.nmi": 0.1}
+    assert flatten(document) == {
+        "a": 1,
+        "iou.wall": 0.5,
+        "iou.door": None,
+        "rooms.by_room.x.nmi": 0.1,
+    }
 
 
 def test_only_figures_of_which_more_is_better_can_be_demanded():
-    document = {"miou": 0.5, "cluster_ratio": 3.0, "ms_per_scan": {"p50": 1.0}, "points": 3, "rooms": {"ari": 0.2}}
+    document = {
+        "miou": 0.5,
+        "cluster_ratio": 3.0,
+        "ms_per_scan": {"p50": 1.0},
+        "points": 3,
+        "rooms": {"ari": 0.2},
+    }
     assert bounded_figures(document) == {"miou": 0.5, "rooms.ari": 0.2}
 
 

@@ -39,13 +39,29 @@ def tables(monkeypatch):
 
 def steps_of(script, *words: str) -> list:
     plan = script.read_plan(list(words))
-    return [step for _, steps in [*script.table_steps(plan), *script.figure_steps(plan)] for step in steps]
+    return [
+        step
+        for _, steps in [*script.table_steps(plan), *script.figure_steps(plan)]
+        for step in steps
+    ]
 
 
 def write_result(folder: Path, name: str, miou: float, ms: float = 8.0) -> None:
-    names = ["point_accuracy", "object_accuracy", "miou_present", "mean_class_accuracy", "nmi", "ami", "ari"]
+    names = [
+        "point_accuracy",
+        "object_accuracy",
+        "miou_present",
+        "mean_class_accuracy",
+        "nmi",
+        "ami",
+        "ari",
+    ]
     scores = {"miou": miou, "cluster_ratio": 3.0, **dict.fromkeys(names, 0.5), "unit": "voxel"}
-    scores["confusion"] = np.hstack([np.diag([10 * miou] * 13), np.full((13, 1), 10 - 10 * miou)]).astype(int).tolist()
+    scores["confusion"] = (
+        np.hstack([np.diag([10 * miou] * 13), np.full((13, 1), 10 - 10 * miou)])
+        .astype(int)
+        .tolist()
+    )
     scores["iou"] = {label: None if label == "sofa" else miou for label in S3DIS_CLASSES}
     times = {"p50": ms, "p95": 2 * ms, "max": 40.0}
     segment = {"ms_per_scan": times, "ms_by_stage": {"network": 5.0}, "peak_memory_mb": 400.0}
@@ -58,11 +74,21 @@ def test_from_an_area_not_there_yet_to_the_tables_and_nothing_is_done_twice(tmp_
     write_area(tmp_path / "paper/data/Area_1", classes=S3DIS_CLASSES)  # made elsewhere
     words = [sys.executable, EXAMPLES / "reproduce_paper.py", "-o", tmp_path / "paper", *SMALLEST]
     words += ["--methods", "region-growing,mcpnet-nocontext"]
-    first, again = (subprocess.run(words, capture_output=True, text=True, check=False) for _ in range(2))
+    first, again = (
+        subprocess.run(words, capture_output=True, text=True, check=False) for _ in range(2)
+    )
     assert (first.returncode, again.returncode) == (0, 0), first.stderr
-    assert [line.split()[1] for line in first.stdout.splitlines() if line.startswith("mcpseg ")] == [
-        "synth", "raytrace", "segment", "eval", "train", "segment", "eval",
-    ]  # fmt: skip
+    assert [
+        line.split()[1] for line in first.stdout.splitlines() if line.startswith("mcpseg ")
+    ] == [
+        "synth",
+        "raytrace",
+        "segment",
+        "eval",
+        "train",
+        "segment",
+        "eval",
+    ]
     assert all(line.startswith("# done: mcpseg") for line in again.stdout.splitlines()[:-1])
     results = (tmp_path / "paper/results.md").read_text()
     assert "| Normal + color |" in results
@@ -89,10 +115,10 @@ def test_every_command_has_only_options_that_exist(script):
 
 
 def test_full_training_is_the_command_that_the_bundled_baselines_were_trained_with(script):
-    command = next(step.command for step in steps_of(script, "-o", "p") if step.command[1] == "train")
-    settings = (
-        "--epochs 6 --schedule cosine --warm-up 0.1 --augment none --precision bf16 --validation-batches 300 -j 1"
+    command = next(
+        step.command for step in steps_of(script, "-o", "p") if step.command[1] == "train"
     )
+    settings = "--epochs 6 --schedule cosine --warm-up 0.1 --augment none --precision bf16 --validation-batches 300 -j 1"
     assert settings in " ".join(command)
 
 
@@ -107,13 +133,25 @@ def test_areas_and_weights_made_elsewhere_are_taken_as_done(script, tmp_path):
 
 
 def test_offline_methods_learn_from_columns_of_the_complete_clouds(script, tmp_path):
-    words = ["-o", str(tmp_path), "--areas", "1,6", "--methods", "pointnet-offline", "--context-points", ""]
+    words = [
+        "-o",
+        str(tmp_path),
+        "--areas",
+        "1,6",
+        "--methods",
+        "pointnet-offline",
+        "--context-points",
+        "",
+    ]
     commands = [" ".join(map(str, step.command)) for step in steps_of(script, *words)]
     assert sum("complete_clouds.py" in command for command in commands) == 2
     (training,) = [command for command in commands if command.startswith("mcpseg train")]
     assert f"mcpseg train {tmp_path}/offline --holdout 6 --net pointnet " in training
     assert "--name pointnet-offline-holdout6" in training
-    assert f"--method pointnet -w {tmp_path}/trained/pointnet-offline-holdout6.safetensors --offline" in commands[-2]
+    assert (
+        f"--method pointnet -w {tmp_path}/trained/pointnet-offline-holdout6.safetensors --offline"
+        in commands[-2]
+    )
 
 
 def test_columns_hold_every_voxel_with_its_truth(tmp_path, monkeypatch):
@@ -144,7 +182,9 @@ def test_interrupted_training_is_continued(script, tmp_path):
 
 
 def test_s3dis_is_scanned_as_in_the_paper_and_never_written_to(script, tmp_path):
-    steps = steps_of(script, "-o", str(tmp_path / "out"), "--s3dis", "s3dis", "--context-points", "")
+    steps = steps_of(
+        script, "-o", str(tmp_path / "out"), "--s3dis", "s3dis", "--context-points", ""
+    )
     traces = [" ".join(step.command) for step in steps if step.command[1] == "raytrace"]
     assert not [step for step in steps if step.command[1] == "synth"]
     assert len(traces) == 6
@@ -153,12 +193,16 @@ def test_s3dis_is_scanned_as_in_the_paper_and_never_written_to(script, tmp_path)
 
 def test_a_folder_made_with_other_settings_is_refused(script, tmp_path):
     script.check_settings(script.read_plan(["-o", str(tmp_path)]))
-    script.check_settings(script.read_plan(["-o", str(tmp_path), "--folds", "1,6", "--methods", "pointnet"]))
+    script.check_settings(
+        script.read_plan(["-o", str(tmp_path), "--folds", "1,6", "--methods", "pointnet"])
+    )
     with pytest.raises(SystemExit, match="made with other settings"):
         script.check_settings(script.read_plan(["-o", str(tmp_path), "--epochs", "3"]))
 
 
-@pytest.mark.parametrize("words", [["--methods", "pointnet,resnet"], ["--folds", "7"], ["--areas", "6"]])
+@pytest.mark.parametrize(
+    "words", [["--methods", "pointnet,resnet"], ["--folds", "7"], ["--areas", "6"]]
+)
 def test_plans_that_cannot_work_are_wrong_usage(script, words, capsys):
     with pytest.raises(SystemExit) as error:
         script.read_plan(words)
@@ -169,7 +213,11 @@ def test_plans_that_cannot_work_are_wrong_usage(script, words, capsys):
 def test_figures_are_means_over_the_folds_beside_the_papers(tables, tmp_path):
     for fold, miou in ((1, 0.2), (6, 0.4)):
         write_result(tmp_path / "results", f"mcpnet-holdout{fold}", miou)
-    results = {"mcpnet": [tables.read_result(tmp_path / "results", f"mcpnet-holdout{fold}") for fold in (1, 6)]}
+    results = {
+        "mcpnet": [
+            tables.read_result(tmp_path / "results", f"mcpnet-holdout{fold}") for fold in (1, 6)
+        ]
+    }
     assert tables.table_1(results)[1][:3] == ["Proposed + MCP", "30.0", "50.0"]
     assert tables.table_1(results)[1][6] == "30.0"
     assert tables.table_1(results)[1][-3:] == ["39.2", "74.9", "33.5"]
@@ -180,9 +228,15 @@ def test_figures_are_means_over_the_folds_beside_the_papers(tables, tmp_path):
 
 def test_region_growing_is_in_the_tables_that_need_no_class(tables, tmp_path):
     write_result(tmp_path / "results", "region-growing-holdout6", 0.0)
-    results = {"region-growing": [tables.read_result(tmp_path / "results", "region-growing-holdout6")]}
+    results = {
+        "region-growing": [tables.read_result(tmp_path / "results", "region-growing-holdout6")]
+    }
     assert len(tables.table_1(results)) == len(tables.iou_by_class(results)) == 1
-    assert tables.table_2(results)[1][0] == tables.table_3(results, tmp_path, 6)[1][0] == "Normal + color"
+    assert (
+        tables.table_2(results)[1][0]
+        == tables.table_3(results, tmp_path, 6)[1][0]
+        == "Normal + color"
+    )
 
 
 def test_offline_methods_have_no_time_per_scan(tables, tmp_path):
@@ -195,7 +249,10 @@ def test_offline_methods_have_no_time_per_scan(tables, tmp_path):
 def test_the_figure_shows_accuracy_and_rate_by_context_points(tables, tmp_path):
     for count, ms in ((0, 4.0), (50, 10.0)):
         write_result(tmp_path / "results", f"context{count}-holdout6", 0.4, ms)
-    results = {count: tables.read_result(tmp_path / "results", f"context{count}-holdout6") for count in (0, 50)}
+    results = {
+        count: tables.read_result(tmp_path / "results", f"context{count}-holdout6")
+        for count in (0, 50)
+    }
     table = tables.figure_5(results)
     assert table[1:] == [["0", "50.0", "40.0", "250.0"], ["50", "50.0", "40.0", "100.0"]]
     tables.draw_figure_5(table, tmp_path / "figure.png")

@@ -13,8 +13,15 @@ from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 pytest.importorskip("k3d", reason="the page is drawn by K3D, the extra 'html'")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-SOFTWARE_GL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+SOFTWARE_GL = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 SCENE = {"x": 260, "y": 20, "width": 500, "height": 480}  # part of the window that nothing covers
 MOST_S = 20.0
 
@@ -39,7 +46,9 @@ class Opened:
     def scene(self):
         from PIL import Image
 
-        return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=SCENE))).convert("RGB")).astype(int)
+        return np.asarray(
+            Image.open(io.BytesIO(self.page.screenshot(clip=SCENE))).convert("RGB")
+        ).astype(int)
 
     def settled_scene(self):
         """Return the scene once it has stopped changing."""
@@ -120,7 +129,10 @@ def test_a_class_switched_off_disappears_and_comes_back(opened):
     opened.page.click("#all")
     before = opened.settled_scene()
     boxes = opened.page.locator("#legend input")
-    counts = [int(text.replace(",", "")) for text in opened.page.locator("#legend .count").all_inner_texts()]
+    counts = [
+        int(text.replace(",", ""))
+        for text in opened.page.locator("#legend .count").all_inner_texts()
+    ]
     commonest = boxes.nth(int(np.argmax(counts)))
     commonest.uncheck()
     without = opened.scene_after(before)
@@ -158,7 +170,9 @@ def test_a_click_says_what_a_point_is(opened, labelled_run):
     scene = opened.settled_scene()
     away = (np.abs(scene - scene[0, 0]).max(axis=2) > 8).nonzero()
     middle = np.abs(np.stack(away, axis=1) - np.median(away, axis=1)).sum(axis=1).argmin()
-    opened.page.mouse.click(SCENE["x"] + float(away[1][middle]), SCENE["y"] + float(away[0][middle]))
+    opened.page.mouse.click(
+        SCENE["x"] + float(away[1][middle]), SCENE["y"] + float(away[0][middle])
+    )
     words = opened.page.inner_text("#picked").split()
     assert {"class", "object", "confidence"} <= set(words)
     with LabelledRun(labelled_run.out) as run:

@@ -36,7 +36,10 @@ class Halves:
 
     def __iter__(self):
         for rows in (slice(0, 100), slice(100, None)):
-            yield Cloud({name: column[rows] for name, column in self.cloud.columns.items()}, self.cloud.classes)
+            yield Cloud(
+                {name: column[rows] for name, column in self.cloud.columns.items()},
+                self.cloud.classes,
+            )
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".las", ".npz", ".pcd"])
@@ -47,7 +50,9 @@ def test_a_cloud_in_parts_is_the_file_of_the_whole(labelled_run, tmp_path, suffi
     whole, parts = read_cloud(tmp_path / f"whole{suffix}"), read_cloud(tmp_path / f"parts{suffix}")
     assert (parts.classes, list(parts.columns)) == (whole.classes, list(whole.columns))
     for name, column in whole.columns.items():
-        atol = 2e-4 if suffix == ".las" and name in "xyz" else 0  # the first part decides the offset
+        atol = (
+            2e-4 if suffix == ".las" and name in "xyz" else 0
+        )  # the first part decides the offset
         np.testing.assert_allclose(parts.columns[name], column, rtol=0, atol=atol)
 
 
@@ -81,7 +86,9 @@ def test_open3d_finds_the_labels(run, tmp_path, suffix, prefix):
     cloud, whole = open3d.t.io.read_point_cloud(str(tmp_path / f"map{suffix}")), run.whole()
     np.testing.assert_array_equal(cloud.point.positions.numpy(), whole.xyz)
     for name in LABELS:
-        np.testing.assert_array_equal(cloud.point[prefix + name].numpy()[:, 0], getattr(whole, name))
+        np.testing.assert_array_equal(
+            cloud.point[prefix + name].numpy()[:, 0], getattr(whole, name)
+        )
 
 
 def test_h5py_finds_the_labels(run, tmp_path):
@@ -106,11 +113,19 @@ def test_pye57_finds_points_and_the_extension_the_labels(run, tmp_path):
         np.testing.assert_array_equal(scan["colorBlue"], whole.rgb[:, 2])
         header = file.get_header(0)
         arrays, buffers = {}, pye57.libe57.VectorSourceDestBuffer()
-        for name, dtype in (("semantic", np.uint8), ("instance", np.longlong), ("confidence", np.float32)):
+        for name, dtype in (
+            ("semantic", np.uint8),
+            ("instance", np.longlong),
+            ("confidence", np.float32),
+        ):
             arrays[name] = np.empty(len(run), dtype)
             field = f"mcpseg:{name}"
             assert field in header.point_fields
-            buffers.append(pye57.libe57.SourceDestBuffer(file.image_file, field, arrays[name], len(run), True, True))
+            buffers.append(
+                pye57.libe57.SourceDestBuffer(
+                    file.image_file, field, arrays[name], len(run), True, True
+                )
+            )
         header.points.reader(buffers).read()
     for name, array in arrays.items():
         np.testing.assert_array_equal(array, getattr(whole, name))
@@ -119,10 +134,24 @@ def test_pye57_finds_points_and_the_extension_the_labels(run, tmp_path):
 @pytest.mark.skipif(shutil.which("CloudCompare") is None, reason="CloudCompare is not installed")
 def test_cloudcompare_finds_the_labels_unasked(run, tmp_path):
     write_map(run, tmp_path / "map.ply", Selection())
-    command = ["CloudCompare", "-SILENT", "-AUTO_SAVE", "OFF", "-O", "map.ply", "-C_EXPORT_FMT", "ASC", "-ADD_HEADER"]
+    command = [
+        "CloudCompare",
+        "-SILENT",
+        "-AUTO_SAVE",
+        "OFF",
+        "-O",
+        "map.ply",
+        "-C_EXPORT_FMT",
+        "ASC",
+        "-ADD_HEADER",
+    ]
     environment = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
     subprocess.run(
-        [*command, "-SAVE_CLOUDS", "FILE", "map.asc"], cwd=tmp_path, env=environment, check=True, capture_output=True
+        [*command, "-SAVE_CLOUDS", "FILE", "map.asc"],
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        capture_output=True,
     )
     header, *_ = (tmp_path / "map.asc").read_text().splitlines()
     assert header.split() == ["//X", "Y", "Z", "R", "G", "B", *LABELS]
@@ -139,7 +168,11 @@ def test_conditions_hold_at_once(run, tmp_path):
     write_map(run, tmp_path / "some.ply", selection)
     cloud = read_cloud(tmp_path / "some.ply")
     expected = (whole.semantic == run.classes.index(common)) & (whole.confidence >= least)
-    expected &= (np.abs(whole.xyz[:, 0]) <= 1.0) & (np.abs(whole.xyz[:, 1]) <= 2.0) & (whole.xyz[:, 2] >= 0.1)
+    expected &= (
+        (np.abs(whole.xyz[:, 0]) <= 1.0)
+        & (np.abs(whole.xyz[:, 1]) <= 2.0)
+        & (whole.xyz[:, 2] >= 0.1)
+    )
     assert 0 < len(cloud) < len(run)
     np.testing.assert_array_equal(cloud.xyz, whole.xyz[expected])
 
@@ -147,10 +180,15 @@ def test_conditions_hold_at_once(run, tmp_path):
 def test_one_object_can_be_exported(run, tmp_path):
     whole = run.whole()
     wanted = int(whole.instance[-1])
-    assert write_map(run, tmp_path / "one.npz", Selection(instances=(wanted,))) == (whole.instance == wanted).sum()
+    assert (
+        write_map(run, tmp_path / "one.npz", Selection(instances=(wanted,)))
+        == (whole.instance == wanted).sum()
+    )
 
 
-@pytest.mark.parametrize("selection", [Selection(instances=(10**8,)), Selection(box=(90.0, 90, 90, 91, 91, 91))])
+@pytest.mark.parametrize(
+    "selection", [Selection(instances=(10**8,)), Selection(box=(90.0, 90, 90, 91, 91, 91))]
+)
 def test_nothing_chosen_is_one_line(run, tmp_path, selection):
     for write in (write_map, write_objects):
         with pytest.raises(InputError, match="widen --class"):
@@ -192,7 +230,9 @@ def test_csv_and_json_hold_the_same_objects(run, tmp_path):
         rows = list(csv.DictReader(file))
     assert [int(row["id"]) for row in rows] == [item["id"] for item in items]
     assert [float(row["centroid_y"]) for row in rows] == [item["centroid"][1] for item in items]
-    assert [float(row["obb_size_height"]) for row in rows] == [item["obb_size"][2] for item in items]
+    assert [float(row["obb_size_height"]) for row in rows] == [
+        item["obb_size"][2] for item in items
+    ]
 
 
 def test_footprints_are_closed_rings_around_their_objects(run, tmp_path):
@@ -215,7 +255,9 @@ def test_every_object_becomes_a_cloud_of_its_own(run, tmp_path):
     count = write_object_clouds(run, tmp_path / "objects", ".ply", Selection(classes=names))
     expected = [item for item in run.objects() if item.class_name in names]
     paths = sorted((tmp_path / "objects").iterdir())
-    assert [path.name for path in paths] == [f"{item.id:06d}_{item.class_name}.ply" for item in expected]
+    assert [path.name for path in paths] == [
+        f"{item.id:06d}_{item.class_name}.ply" for item in expected
+    ]
     assert count == len(expected) > 0
     for path, item in zip(paths, expected, strict=True):
         cloud = read_cloud(path)
@@ -227,18 +269,27 @@ def test_scans_get_the_final_labels_in_their_own_order(run, labelled_run, tmp_pa
     paths = list(relabel_scans(run, labelled_run.scans, tmp_path / "relabelled"))
     assert [path.name for path in paths] == [record.name for record in run.scans]
     whole = run.whole()
-    place = {tuple(voxel): row for row, voxel in enumerate(np.floor(whole.xyz / 0.1 + 0.5).astype(int).tolist())}
+    place = {
+        tuple(voxel): row
+        for row, voxel in enumerate(np.floor(whole.xyz / 0.1 + 0.5).astype(int).tolist())
+    }
     for path in paths:
         cloud, original = read_cloud(path), read_cloud(labelled_run.scans / path.name)
         for name, column in original.columns.items():
             np.testing.assert_array_equal(cloud.columns[name], column)
         voxels = np.floor(original.xyz.astype(np.float64) / 0.1 + 0.5).astype(int).tolist()
         rows = np.array([place.get(tuple(voxel), -1) for voxel in voxels])
-        np.testing.assert_array_equal(cloud.label("instance"), np.where(rows < 0, 0, whole.instance[rows]))
-        np.testing.assert_array_equal(cloud.label("semantic"), np.where(rows < 0, 255, whole.semantic[rows]))
+        np.testing.assert_array_equal(
+            cloud.label("instance"), np.where(rows < 0, 0, whole.instance[rows])
+        )
+        np.testing.assert_array_equal(
+            cloud.label("semantic"), np.where(rows < 0, 255, whole.semantic[rows])
+        )
 
 
-def test_points_out_of_range_then_have_labels_if_they_were_mapped_later(run, labelled_run, tmp_path):
+def test_points_out_of_range_then_have_labels_if_they_were_mapped_later(
+    run, labelled_run, tmp_path
+):
     (first, *_) = relabel_scans(run, labelled_run.scans, tmp_path / "relabelled")
     then = read_cloud(labelled_run.out / "scans" / first.name).label("semantic")
     assert (read_cloud(first).label("semantic") != 255).sum() >= (then != 255).sum()
@@ -255,7 +306,9 @@ def test_scans_that_are_not_those_of_the_run_are_refused(run, labelled_run, tmp_
         data = bytearray(path.read_bytes())
         data[-1] ^= 1
         path.write_bytes(data)
-    with pytest.raises(InputError, match="no such scan" if damage == "missing" else "changed since it was labelled"):
+    with pytest.raises(
+        InputError, match="no such scan" if damage == "missing" else "changed since it was labelled"
+    ):
         list(relabel_scans(run, scans, tmp_path / "relabelled"))
     assert not (tmp_path / "relabelled").exists()
 

@@ -64,7 +64,9 @@ def test_the_path_is_that_of_the_poses(run, page):
 
 def test_an_object_has_the_colour_it_has_everywhere(page):
     _, columns = read_page(page)
-    np.testing.assert_array_equal(columns["object_colours"].reshape(-1, 3), instance_colours(columns["object_ids"]))
+    np.testing.assert_array_equal(
+        columns["object_colours"].reshape(-1, 3), instance_colours(columns["object_ids"])
+    )
 
 
 def test_only_what_is_chosen_is_in_the_page(run, tmp_path):
@@ -85,7 +87,9 @@ def test_the_page_loads_nothing(page):
     markup = re.sub(r"<script\b([^>]*)>.*?</script>", r"<script\1>", text, flags=re.DOTALL)
     assert not re.search(r"\b(?:src|href|srcset|data|action)\s*=", markup)
     ours = files("mcpseg_cli.export") / "page"
-    assert all(not re.search(r"https?://|@import|url\(", entry.read_text()) for entry in ours.iterdir())
+    assert all(
+        not re.search(r"https?://|@import|url\(", entry.read_text()) for entry in ours.iterdir()
+    )
 
 
 def test_names_from_files_stay_text(labelled_run, tmp_path):
@@ -100,7 +104,9 @@ def test_names_from_files_stay_text(labelled_run, tmp_path):
     assert 'onerror="' not in text
     assert "<b>" not in text
     assert text.count("<script") == 4
-    assert all(entry["name"].startswith(EVIL) for entry in read_page(tmp_path / "map.html")[0]["classes"])
+    assert all(
+        entry["name"].startswith(EVIL) for entry in read_page(tmp_path / "map.html")[0]["classes"]
+    )
 
 
 def test_without_k3d_one_line_says_what_to_install(run, tmp_path, monkeypatch):
@@ -112,7 +118,9 @@ def test_without_k3d_one_line_says_what_to_install(run, tmp_path, monkeypatch):
 
 def test_the_command_writes_the_page(labelled_run, tmp_path):
     output = tmp_path / "map.html"
-    result = CliRunner().invoke(app, ["export", str(labelled_run.out), "-o", str(output), "--color", "instance"])
+    result = CliRunner().invoke(
+        app, ["export", str(labelled_run.out), "-o", str(output), "--color", "instance"]
+    )
     assert result.exit_code == 0
     assert "points" in result.stdout
     assert read_page(output)[0]["colour"] == "instance"

@@ -52,7 +52,9 @@ def test_the_model_tells_its_classes_and_that_it_pools_over_a_call(tmp_path):
     assert facts["batch_size"] == "256"
     assert "pools over all N points of a call" in facts["pooling_scope"]
     points = np.random.default_rng(0).normal(0, 1, (40, 6)).astype(np.float32)
-    whole, half = (session.run(["logits"], {"centre": part})[0][:20] for part in (points, points[:20]))
+    whole, half = (
+        session.run(["logits"], {"centre": part})[0][:20] for part in (points, points[:20])
+    )
     assert np.abs(whole - half).max() > 1e-3
 
 

@@ -37,7 +37,9 @@ def distances(colours):
     return np.linalg.norm(colours[:, None].astype(float) - colours[None], axis=2)
 
 
-@pytest.mark.parametrize("classes", [S3DIS_CLASSES, ("pipe", "valve", "floor", "pump", "tank", "stairs", "rail")])
+@pytest.mark.parametrize(
+    "classes", [S3DIS_CLASSES, ("pipe", "valve", "floor", "pump", "tank", "stairs", "rail")]
+)
 def test_classes_are_told_apart_whatever_they_are_called(classes):
     palette = class_palette(classes)
     apart = distances(palette[: len(classes)]) + 1e9 * np.eye(len(classes))
@@ -53,7 +55,10 @@ def test_the_next_objects_have_colours_far_from_one_another():
 
 
 def test_an_object_has_its_colour_in_any_company():
-    alone, in_company = instance_colours(np.array([7])), instance_colours(np.array([0, 3, 7, 7, 9000]))
+    alone, in_company = (
+        instance_colours(np.array([7])),
+        instance_colours(np.array([0, 3, 7, 7, 9000])),
+    )
     assert (in_company[2] == alone[0]).all()
     assert (in_company[3] == alone[0]).all()
     assert (in_company[0] == UNKNOWN_COLOUR).all()
@@ -99,7 +104,11 @@ def draw_slowly(place, depth, radius, rgb, shape, bulge):
 
 def test_discs_are_drawn_as_the_slow_way_draws_them():
     rng = np.random.default_rng(3)
-    place, depth, radius = rng.uniform(-5, 45, (300, 2)), rng.uniform(1, 9, 300), rng.uniform(0.2, 4.0, 300)
+    place, depth, radius = (
+        rng.uniform(-5, 45, (300, 2)),
+        rng.uniform(1, 9, 300),
+        rng.uniform(0.2, 4.0, 300),
+    )
     place[:3] = np.nan
     rgb = rng.integers(0, 255, (300, 3)).astype(np.uint8)
     image, nearest = draw_points(place, depth, radius, rgb, (30, 40), 0.2)
@@ -118,7 +127,9 @@ def test_the_camera_from_above_keeps_the_map_upright():
 
 def test_in_perspective_the_nearer_is_larger_and_what_is_behind_the_eye_is_not_seen():
     camera = Camera.aslant(np.zeros(3), 0.0, 0.0, distance=10.0)  # looks along y from y = -10
-    plane, depth, size = camera.project(np.array([[1.0, 0, 0], [1.0, -5, 0], [1.0, 10, 0], [1.0, -11, 0]]))
+    plane, depth, size = camera.project(
+        np.array([[1.0, 0, 0], [1.0, -5, 0], [1.0, 10, 0], [1.0, -11, 0]])
+    )
     np.testing.assert_allclose(depth, [10, 5, 20, -1])
     np.testing.assert_allclose(size[:3], [1, 2, 0.5])
     np.testing.assert_allclose(plane[:3, 0], [1, 2, 0.5])
@@ -144,7 +155,10 @@ def test_shading_is_that_of_the_slow_way():
     depth = rng.uniform(1, 3, (30, 40)).astype(np.float32)
     depth[rng.random((30, 40)) < 0.3] = np.inf
     image = rng.integers(0, 255, (30, 40, 3)).astype(np.uint8)
-    found, expected = shade(image, depth, (1, 3, 7)).astype(int), shade_slowly(image, depth, (1, 3, 7)).astype(int)
+    found, expected = (
+        shade(image, depth, (1, 3, 7)).astype(int),
+        shade_slowly(image, depth, (1, 3, 7)).astype(int),
+    )
     assert np.abs(found - expected).max() <= 1
 
 
@@ -184,11 +198,14 @@ def test_the_same_run_gives_the_same_picture(run, tmp_path):
 
 def test_what_is_above_the_cut_is_left_out(run, tmp_path):
     counts = [
-        write_picture(run, tmp_path / "map.png", Selection(), PictureSettings(cut=cut)) for cut in (0.2, 1.0, np.inf)
+        write_picture(run, tmp_path / "map.png", Selection(), PictureSettings(cut=cut))
+        for cut in (0.2, 1.0, np.inf)
     ]
     heights = run.whole().xyz[:, 2]
     assert counts[0] < counts[1] < counts[2] == len(run)
-    assert counts[1] == pytest.approx((heights < 1.0).sum(), rel=0.03)  # the floor is at 0, but for noise
+    assert counts[1] == pytest.approx(
+        (heights < 1.0).sum(), rel=0.03
+    )  # the floor is at 0, but for noise
 
 
 def test_nothing_under_the_cut_is_one_line_and_leaves_no_file(run, tmp_path):
@@ -200,7 +217,9 @@ def test_nothing_under_the_cut_is_one_line_and_leaves_no_file(run, tmp_path):
 def test_a_turntable_turns(run, tmp_path):
     from PIL import Image
 
-    write_turntable(run, tmp_path / "map.gif", Selection(box=(-0.5, -2, 0, 0.5, 2, 1)), PictureSettings())
+    write_turntable(
+        run, tmp_path / "map.gif", Selection(box=(-0.5, -2, 0, 0.5, 2, 1)), PictureSettings()
+    )
     with Image.open(tmp_path / "map.gif") as file:
         assert file.n_frames == 48
         frames = []

@@ -24,7 +24,11 @@ def read_recording(path):
     logged = defaultdict(list)
     for part in chunk.RrdReader(path).stream().to_chunks():
         batch = part.to_record_batch()
-        scans = batch.column("scan").to_pylist() if "scan" in batch.schema.names else [-1] * batch.num_rows
+        scans = (
+            batch.column("scan").to_pylist()
+            if "scan" in batch.schema.names
+            else [-1] * batch.num_rows
+        )
         for name in batch.schema.names:
             component = name.split(":")[-1]
             for scan, values in zip(scans, batch.column(name).to_pylist(), strict=True):
@@ -40,14 +44,22 @@ def run(labelled_run):
 
 
 def points_by_scan(logged, component):
-    return [rows[-1][1] for (entity, name), rows in sorted(logged.items()) if "/map/" in entity and name == component]
+    return [
+        rows[-1][1]
+        for (entity, name), rows in sorted(logged.items())
+        if "/map/" in entity and name == component
+    ]
 
 
 def test_every_scan_brings_its_points_with_their_labels(run, tmp_path):
     path, whole = tmp_path / "map.rrd", run.whole()
     assert write_recording(run, path, Selection()) == len(whole)
     logged = read_recording(path)
-    for component, expected in (("class_ids", whole.semantic), ("instance", whole.instance), ("positions", whole.xyz)):
+    for component, expected in (
+        ("class_ids", whole.semantic),
+        ("instance", whole.instance),
+        ("positions", whole.xyz),
+    ):
         np.testing.assert_array_equal(np.concatenate(points_by_scan(logged, component)), expected)
     times = [rows[0][0] for (entity, name), rows in sorted(logged.items()) if name == "positions"]
     assert times == np.unique(whole.scan).tolist()
@@ -56,7 +68,9 @@ def test_every_scan_brings_its_points_with_their_labels(run, tmp_path):
 def test_the_scanner_is_where_the_poses_say(run, tmp_path):
     write_recording(run, tmp_path / "map.rrd", Selection())
     places = read_recording(tmp_path / "map.rrd")["/scanner", "translation"]
-    np.testing.assert_allclose(np.concatenate([place for _, place in places]), run.poses[:, :3, 3], atol=1e-6)
+    np.testing.assert_allclose(
+        np.concatenate([place for _, place in places]), run.poses[:, :3, 3], atol=1e-6
+    )
     assert [scan for scan, _ in places] == [0, 1, 2, 3]
 
 
@@ -64,7 +78,9 @@ def test_other_colours_are_written_where_asked_for(run, tmp_path):
     write_recording(run, tmp_path / "class.rrd", Selection())
     write_recording(run, tmp_path / "rgb.rrd", Selection(), "rgb")
     assert points_by_scan(read_recording(tmp_path / "class.rrd"), "colors") == []
-    colours = np.concatenate(points_by_scan(read_recording(tmp_path / "rgb.rrd"), "colors")).astype(np.uint32)
+    colours = np.concatenate(points_by_scan(read_recording(tmp_path / "rgb.rrd"), "colors")).astype(
+        np.uint32
+    )
     np.testing.assert_array_equal(colours >> 24, run.whole().rgb[:, 0])
 
 
@@ -77,13 +93,25 @@ def test_without_rerun_one_line_says_what_to_install(run, tmp_path, monkeypatch)
 
 def segment(labelled_run, weights_path, output, *options):
     poses = labelled_run.scans.parent / "poses.csv"
-    arguments = ["segment", labelled_run.scans, poses, "-o", output, "-w", weights_path, "-q", *options]
+    arguments = [
+        "segment",
+        labelled_run.scans,
+        poses,
+        "-o",
+        output,
+        "-w",
+        weights_path,
+        "-q",
+        *options,
+    ]
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path):
     recording = tmp_path / "live.rrd"
-    assert segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
+    assert (
+        segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
+    )
     logged = read_recording(recording)
     with LabelledRun(tmp_path / "out") as run:
         whole = run.whole()
@@ -95,14 +123,18 @@ def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path)
 def test_a_continued_run_shows_what_was_labelled_before(labelled_run, weights_path, tmp_path):
     shutil.copytree(labelled_run.out, tmp_path / "out")
     recording = tmp_path / "again.rrd"
-    assert segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
+    assert (
+        segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
+    )
     found = np.concatenate(points_by_scan(read_recording(recording), "positions"))
     with LabelledRun(tmp_path / "out") as run:
         np.testing.assert_array_equal(found, run.whole().xyz)
 
 
 @pytest.mark.parametrize("target", ["window", "nowhere/map.rrd", "rerun+http://127.0.0.1:1/proxy"])
-def test_a_viewer_that_is_none_is_refused_in_one_line(labelled_run, weights_path, tmp_path, target, monkeypatch):
+def test_a_viewer_that_is_none_is_refused_in_one_line(
+    labelled_run, weights_path, tmp_path, target, monkeypatch
+):
     monkeypatch.setattr("mcpseg_cli.export.live_map._ANSWER_S", 0.5)
     result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", target)
     assert result.exit_code == 1
@@ -110,8 +142,15 @@ def test_a_viewer_that_is_none_is_refused_in_one_line(labelled_run, weights_path
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_a_viewer_that_is_not_there_leaves_an_earlier_run_as_it_was(labelled_run, weights_path, tmp_path):
+def test_a_viewer_that_is_not_there_leaves_an_earlier_run_as_it_was(
+    labelled_run, weights_path, tmp_path
+):
     assert segment(labelled_run, weights_path, tmp_path / "out").exit_code == 0
     before = (tmp_path / "out/map.ply").read_bytes()
-    assert segment(labelled_run, weights_path, tmp_path / "out", "--overwrite", "--rerun", "window").exit_code == 1
+    assert (
+        segment(
+            labelled_run, weights_path, tmp_path / "out", "--overwrite", "--rerun", "window"
+        ).exit_code
+        == 1
+    )
     assert (tmp_path / "out/map.ply").read_bytes() == before

@@ -33,10 +33,15 @@ VERTICES = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9]], float)
 def make_cloud(num_points: int = 40, seed: int = 0) -> Cloud:
     rng = np.random.default_rng(seed)
     columns = {axis: rng.uniform(-50, 50, num_points).astype(np.float32) for axis in "xyz"}
-    columns |= {name: rng.integers(0, 256, num_points).astype(np.uint8) for name in ("red", "green", "blue")}
+    columns |= {
+        name: rng.integers(0, 256, num_points).astype(np.uint8) for name in ("red", "green", "blue")
+    }
     columns |= {"ring": rng.integers(0, 65536, num_points).astype(np.uint16)}
     columns |= {"reflectance": rng.normal(size=num_points).astype(np.float32)}
-    columns |= {"time_s": rng.normal(size=num_points), "return_id": rng.integers(-9, 9, num_points).astype(np.int32)}
+    columns |= {
+        "time_s": rng.normal(size=num_points),
+        "return_id": rng.integers(-9, 9, num_points).astype(np.int32),
+    }
     return Cloud(columns)
 
 
@@ -58,7 +63,11 @@ def write_ascii_ply(
 
 def ply_bytes(encoding: str, before: bytes = b"", after: bytes = b"", data: bytes = b"") -> bytes:
     header = b"ply\nformat %s 1.0\n" % encoding.encode() + before
-    header += b"element vertex 3\nproperty float x\nproperty double y\nproperty short z\n" + after + b"end_header\n"
+    header += (
+        b"element vertex 3\nproperty float x\nproperty double y\nproperty short z\n"
+        + after
+        + b"end_header\n"
+    )
     return header + data
 
 
@@ -113,11 +122,17 @@ def test_an_unknown_attribute_survives_read_label_write_read_with_its_type(
 
 @pytest.mark.parametrize("suffix", CLOUD_SUFFIXES)
 @pytest.mark.parametrize("dtype", ["i8", "u8", "i1", "?", "f2"])
-def test_values_of_a_rare_type_survive_a_round_trip(tmp_path: Path, suffix: str, dtype: str) -> None:
-    values = np.array([0, 1, 1], dtype)  # PLY has no 64-bit integers; only NPZ has booleans and half floats
+def test_values_of_a_rare_type_survive_a_round_trip(
+    tmp_path: Path, suffix: str, dtype: str
+) -> None:
+    values = np.array(
+        [0, 1, 1], dtype
+    )  # PLY has no 64-bit integers; only NPZ has booleans and half floats
     columns = dict(zip("xyz", VERTICES.T, strict=True)) | {"value": values}
     write_cloud(tmp_path / f"a{suffix}", Cloud(columns))
-    np.testing.assert_array_equal(read_cloud(tmp_path / f"a{suffix}").columns["value"].astype(float), [0, 1, 1])
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / f"a{suffix}").columns["value"].astype(float), [0, 1, 1]
+    )
 
 
 @pytest.mark.parametrize("source", CLOUD_SUFFIXES)
@@ -142,9 +157,16 @@ def test_an_attribute_of_several_numbers_a_point_is_split_where_the_format_has_o
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".pcd"])
-def test_an_attribute_of_several_numbers_a_point_stays_whole_where_the_format_can(tmp_path: Path, suffix: str) -> None:
-    write_cloud(tmp_path / f"a{suffix}", Cloud(dict(zip("xyz", VERTICES.T, strict=True)) | {"normal": VERTICES / 10}))
-    np.testing.assert_array_equal(read_cloud(tmp_path / f"a{suffix}").columns["normal"], VERTICES / 10)
+def test_an_attribute_of_several_numbers_a_point_stays_whole_where_the_format_can(
+    tmp_path: Path, suffix: str
+) -> None:
+    write_cloud(
+        tmp_path / f"a{suffix}",
+        Cloud(dict(zip("xyz", VERTICES.T, strict=True)) | {"normal": VERTICES / 10}),
+    )
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / f"a{suffix}").columns["normal"], VERTICES / 10
+    )
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".las", ".laz", ".pcd"])
@@ -160,15 +182,24 @@ def test_text_is_refused_with_the_attributes_name_where_the_format_has_only_numb
 @pytest.mark.parametrize("suffix", [".ply", ".pcd"])
 def test_a_space_in_a_name_becomes_an_underscore(tmp_path: Path, suffix: str) -> None:
     write_cloud(
-        tmp_path / f"a{suffix}", Cloud(dict(zip("xyz", VERTICES.T, strict=True)) | {"gps time": VERTICES[:, 0]})
+        tmp_path / f"a{suffix}",
+        Cloud(dict(zip("xyz", VERTICES.T, strict=True)) | {"gps time": VERTICES[:, 0]}),
     )
-    np.testing.assert_array_equal(read_cloud(tmp_path / f"a{suffix}").columns["gps_time"], VERTICES[:, 0])
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / f"a{suffix}").columns["gps_time"], VERTICES[:, 0]
+    )
 
 
 @pytest.mark.parametrize("suffix", CLOUD_SUFFIXES)
-def test_new_labels_replace_those_a_file_had_even_of_a_smaller_type(tmp_path: Path, suffix: str) -> None:
+def test_new_labels_replace_those_a_file_had_even_of_a_smaller_type(
+    tmp_path: Path, suffix: str
+) -> None:
     path = tmp_path / f"a{suffix}"
-    old = {"semantic": np.zeros(40, np.uint8), "instance": np.ones(40, np.uint8), "confidence": np.ones(40, np.float64)}
+    old = {
+        "semantic": np.zeros(40, np.uint8),
+        "instance": np.ones(40, np.uint8),
+        "confidence": np.ones(40, np.float64),
+    }
     write_cloud(path, Cloud(make_cloud().columns | old))
     write_cloud(path, read_cloud(path).with_labels(make_labels()))
     np.testing.assert_array_equal(read_cloud(path).label("instance"), make_labels().instance)
@@ -177,8 +208,12 @@ def test_new_labels_replace_those_a_file_had_even_of_a_smaller_type(tmp_path: Pa
 # --- PLY ---
 
 
-@pytest.mark.parametrize(("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")])
-def test_a_binary_ply_of_either_byte_order_is_read(tmp_path: Path, encoding: str, order: str) -> None:
+@pytest.mark.parametrize(
+    ("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")]
+)
+def test_a_binary_ply_of_either_byte_order_is_read(
+    tmp_path: Path, encoding: str, order: str
+) -> None:
     path = tmp_path / "a.ply"
     path.write_bytes(ply_bytes(encoding, data=vertex_bytes(order)))
     cloud = read_cloud(path)
@@ -237,34 +272,49 @@ def test_elements_before_the_vertices_are_passed_over(tmp_path: Path, encoding: 
 
 
 def test_the_words_end_header_in_a_comment_do_not_end_the_header(tmp_path: Path) -> None:
-    data = ply_bytes("binary_little_endian", before=b"comment no end_header yet\n", data=vertex_bytes("<"))
+    data = ply_bytes(
+        "binary_little_endian", before=b"comment no end_header yet\n", data=vertex_bytes("<")
+    )
     (tmp_path / "a.ply").write_bytes(data)
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").xyz, VERTICES)
 
 
 def test_labels_under_cloudcompares_names_are_found(tmp_path: Path) -> None:
-    properties = [*(("float", axis) for axis in "xyz"), ("float", "scalar_semantic"), ("float", "scalar_instance")]
+    properties = [
+        *(("float", axis) for axis in "xyz"),
+        ("float", "scalar_semantic"),
+        ("float", "scalar_instance"),
+    ]
     write_ascii_ply(tmp_path / "a.ply", properties, [[1, 2, 3, 4, 5]])
     cloud = read_cloud(tmp_path / "a.ply")
     assert [cloud.label("semantic").tolist(), cloud.label("instance").tolist()] == [[4.0], [5.0]]
 
 
 def test_own_label_names_come_before_cloudcompares() -> None:
-    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {"scalar_semantic": np.zeros(3), "semantic": np.ones(3)}
+    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {
+        "scalar_semantic": np.zeros(3),
+        "semantic": np.ones(3),
+    }
     np.testing.assert_array_equal(Cloud(columns).label("semantic"), np.ones(3))
 
 
 @pytest.mark.parametrize(
-    "names", [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")]
+    "names",
+    [("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")],
 )
-def test_colours_are_found_under_each_usual_name(tmp_path: Path, names: tuple[str, str, str]) -> None:
+def test_colours_are_found_under_each_usual_name(
+    tmp_path: Path, names: tuple[str, str, str]
+) -> None:
     properties = [*(("float", axis) for axis in "xyz"), *(("uchar", name) for name in names)]
     write_ascii_ply(tmp_path / "a.ply", properties, [[1, 2, 3, 10, 20, 30]])
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").rgb, [[10, 20, 30]])
 
 
 def test_float_colours_up_to_one_are_fractions(tmp_path: Path) -> None:
-    properties = [*(("float", axis) for axis in "xyz"), *(("float", name) for name in ("red", "green", "blue"))]
+    properties = [
+        *(("float", axis) for axis in "xyz"),
+        *(("float", name) for name in ("red", "green", "blue")),
+    ]
     write_ascii_ply(tmp_path / "a.ply", properties, [[1, 2, 3, 0.0, 0.5, 1.0]])
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").rgb, [[0, 128, 255]])
 
@@ -283,7 +333,11 @@ def test_a_cut_ply_names_promised_and_found_vertices(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
 def test_more_vertices_than_promised_are_refused(tmp_path: Path, encoding: str) -> None:
-    rows = b"".join(b"%g %g %g\n" % tuple(row) for row in VERTICES) if encoding == "ascii" else vertex_bytes("<")
+    rows = (
+        b"".join(b"%g %g %g\n" % tuple(row) for row in VERTICES)
+        if encoding == "ascii"
+        else vertex_bytes("<")
+    )
     (tmp_path / "a.ply").write_bytes(ply_bytes(encoding, data=rows + rows))
     with pytest.raises(InputError, match="3 vertices promised, 6 found"):
         read_cloud(tmp_path / "a.ply")
@@ -291,15 +345,23 @@ def test_more_vertices_than_promised_are_refused(tmp_path: Path, encoding: str) 
 
 def test_no_vertices_behind_a_missing_element_are_zero_points(tmp_path: Path) -> None:
     header = b"ply\nformat binary_little_endian 1.0\nelement camera 9\nproperty float f\nelement vertex 0\n"
-    (tmp_path / "a.ply").write_bytes(header + b"property float x\nproperty float y\nproperty float z\nend_header\n")
+    (tmp_path / "a.ply").write_bytes(
+        header + b"property float x\nproperty float y\nproperty float z\nend_header\n"
+    )
     with pytest.raises(InputError, match="zero points"):
         read_cloud(tmp_path / "a.ply")
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
 def test_a_coordinate_that_is_no_number_is_counted_and_placed(tmp_path: Path, value: str) -> None:
-    write_ascii_ply(tmp_path / "a.ply", [("float", axis) for axis in "xyz"], [[1, 2, 3], [1, value, 3], [1, 2, value]])
-    with pytest.raises(InputError, match=r"2 of 3 points have NaN or infinite coordinates \(first: point 1\)"):
+    write_ascii_ply(
+        tmp_path / "a.ply",
+        [("float", axis) for axis in "xyz"],
+        [[1, 2, 3], [1, value, 3], [1, 2, value]],
+    )
+    with pytest.raises(
+        InputError, match=r"2 of 3 points have NaN or infinite coordinates \(first: point 1\)"
+    ):
         read_cloud(tmp_path / "a.ply")
 
 
@@ -313,7 +375,11 @@ def test_random_columns_survive_a_ply_round_trip(tmp_path: Path, data: st.DataOb
     columns = {}
     for name in data.draw(st.permutations(list(dict.fromkeys(names)))):
         dtype = np.dtype(data.draw(st.sampled_from(list(PLY_TYPES.values()))))
-        values = rng.normal(size=num_points) if dtype.kind == "f" else rng.integers(-100, 100, num_points)
+        values = (
+            rng.normal(size=num_points)
+            if dtype.kind == "f"
+            else rng.integers(-100, 100, num_points)
+        )
         columns[name] = values.astype(dtype)
     write_cloud(tmp_path / "a.ply", Cloud(columns, CLASSES))
     again = read_cloud(tmp_path / "a.ply")
@@ -335,7 +401,11 @@ def write_rich_las(path: Path) -> laspy.LasData:
     file = laspy.LasData(header)
     file.x, file.y, file.z = VERTICES.T + np.array([[100.0], [-200.0], [5.0]])
     file.red, file.green, file.blue = np.array([[0, 257, 65535]] * 3, np.uint16)
-    file.echo, file.intensity, file.gps_time = np.array([-5, 0, 5]), np.array([1, 2, 60000]), np.array([0.5, 1e9, 3])
+    file.echo, file.intensity, file.gps_time = (
+        np.array([-5, 0, 5]),
+        np.array([1, 2, 60000]),
+        np.array([0.5, 1e9, 3]),
+    )
     file.normal = VERTICES
     file.write(str(path))
     return file
@@ -350,10 +420,14 @@ def test_las_keeps_scales_offsets_records_and_extra_bytes(tmp_path: Path, suffix
     after = laspy.read(path)
     np.testing.assert_array_equal(after.header.scales, before.header.scales)
     np.testing.assert_array_equal(after.header.offsets, before.header.offsets)
-    assert [vlr.record_data_bytes() for vlr in after.header.vlrs if vlr.user_id == "survey"] == [b"kept"]
+    assert [vlr.record_data_bytes() for vlr in after.header.vlrs if vlr.user_id == "survey"] == [
+        b"kept"
+    ]
     assert after.header.point_format.id == 3
     for name in before.point_format.dimension_names:
-        np.testing.assert_array_equal(np.asarray(after[name]), np.asarray(before[name]), err_msg=name)
+        np.testing.assert_array_equal(
+            np.asarray(after[name]), np.asarray(before[name]), err_msg=name
+        )
 
 
 def test_las_keeps_extended_records(tmp_path: Path) -> None:
@@ -368,7 +442,9 @@ def test_las_keeps_extended_records(tmp_path: Path) -> None:
 
 def test_16_bit_las_colours_become_8_bit(tmp_path: Path) -> None:
     write_rich_las(tmp_path / "a.las")
-    np.testing.assert_array_equal(read_cloud(tmp_path / "a.las").rgb, [[0, 0, 0], [1, 1, 1], [255, 255, 255]])
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / "a.las").rgb, [[0, 0, 0], [1, 1, 1], [255, 255, 255]]
+    )
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
@@ -378,7 +454,10 @@ def test_las_of_several_chunks_is_read_and_written_whole(
     write_cloud(tmp_path / f"whole{suffix}", make_cloud().with_labels(make_labels()))
     monkeypatch.setattr(las, "_CHUNK", 7)
     write_cloud(tmp_path / f"chunks{suffix}", make_cloud().with_labels(make_labels()))
-    whole, chunks = laspy.read(tmp_path / f"whole{suffix}"), laspy.read(tmp_path / f"chunks{suffix}")
+    whole, chunks = (
+        laspy.read(tmp_path / f"whole{suffix}"),
+        laspy.read(tmp_path / f"chunks{suffix}"),
+    )
     np.testing.assert_array_equal(chunks.points.array, whole.points.array)
     np.testing.assert_array_equal(read_cloud(tmp_path / f"whole{suffix}").xyz, whole.xyz)
 
@@ -390,7 +469,9 @@ def test_plain_laspy_reads_our_labels(tmp_path: Path, suffix: str) -> None:
     file = laspy.read(tmp_path / f"a{suffix}")
     for name in ("semantic", "instance", "confidence"):
         np.testing.assert_array_equal(np.asarray(file[name]), getattr(labels, name))
-    expected = np.where(labels.semantic == 255, 1, labels.semantic.astype(int) + 64)  # 1: unclassified
+    expected = np.where(
+        labels.semantic == 255, 1, labels.semantic.astype(int) + 64
+    )  # 1: unclassified
     np.testing.assert_array_equal(np.asarray(file.classification), expected)
 
 
@@ -398,22 +479,32 @@ def test_plain_laspy_reads_our_coordinates_and_colours(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.las", make_cloud())
     file = laspy.read(tmp_path / "a.las")
     np.testing.assert_allclose(file.xyz, make_cloud().xyz, atol=0.51e-4)
-    np.testing.assert_array_equal(np.stack([file.red, file.green, file.blue], 1) // 257, make_cloud().rgb)
+    np.testing.assert_array_equal(
+        np.stack([file.red, file.green, file.blue], 1) // 257, make_cloud().rgb
+    )
 
 
 def test_an_intensity_that_las_would_round_goes_to_extra_bytes(tmp_path: Path) -> None:
-    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {"intensity": np.array([0.1, 0.5, 1.0], np.float32)}
+    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {
+        "intensity": np.array([0.1, 0.5, 1.0], np.float32)
+    }
     write_cloud(tmp_path / "a.las", Cloud(columns))
-    np.testing.assert_array_equal(read_cloud(tmp_path / "a.las").columns["scalar_intensity"], columns["intensity"])
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / "a.las").columns["scalar_intensity"], columns["intensity"]
+    )
 
 
 def test_two_attributes_that_las_would_give_one_name_are_refused(tmp_path: Path) -> None:
-    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {"n" * 32 + end: VERTICES[:, 0] for end in "ab"}
+    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {
+        "n" * 32 + end: VERTICES[:, 0] for end in "ab"
+    }
     with pytest.raises(OutputError, match=r"n{32}b"):
         write_cloud(tmp_path / "a.las", Cloud(columns))
 
 
-def test_a_cut_las_names_promised_and_found_points(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_cut_las_names_promised_and_found_points(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.las"
     write_cloud(path, make_cloud())
     path.write_bytes(path.read_bytes()[:-1])
@@ -423,7 +514,9 @@ def test_a_cut_las_names_promised_and_found_points(tmp_path: Path, capfd: pytest
 
 
 @pytest.mark.parametrize(("offset", "name"), [(100, "records"), (243, "extended records")])
-def test_a_las_that_promises_billions_of_records_is_refused_at_once(tmp_path: Path, offset: int, name: str) -> None:
+def test_a_las_that_promises_billions_of_records_is_refused_at_once(
+    tmp_path: Path, offset: int, name: str
+) -> None:
     path = tmp_path / "a.las"
     write_cloud(path, make_cloud())
     data = bytearray(path.read_bytes())
@@ -433,7 +526,9 @@ def test_a_las_that_promises_billions_of_records_is_refused_at_once(tmp_path: Pa
         read_cloud(path)
 
 
-def test_a_laz_that_promises_billions_of_chunks_is_refused_before_they_are_allocated(tmp_path: Path) -> None:
+def test_a_laz_that_promises_billions_of_chunks_is_refused_before_they_are_allocated(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "a.laz"
     write_cloud(path, make_cloud())
     data = bytearray(path.read_bytes())
@@ -449,7 +544,10 @@ def test_a_laz_that_promises_billions_of_chunks_is_refused_before_they_are_alloc
 
 
 def test_an_npz_keeps_an_attribute_with_any_name(tmp_path: Path) -> None:
-    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {"file": np.arange(3), "allow_pickle": np.arange(3)}
+    columns = dict(zip("xyz", VERTICES.T, strict=True)) | {
+        "file": np.arange(3),
+        "allow_pickle": np.arange(3),
+    }
     write_cloud(tmp_path / "a.npz", Cloud(columns))
     assert {"file", "allow_pickle"} <= read_cloud(tmp_path / "a.npz").columns.keys()
 
@@ -489,23 +587,38 @@ def test_an_encrypted_npz_is_refused(tmp_path: Path) -> None:
 # --- PCD ---
 
 
-def write_pcd_text(path: Path, fields: str, sizes: str, kinds: str, counts: str, rows: list[str]) -> None:
+def write_pcd_text(
+    path: Path, fields: str, sizes: str, kinds: str, counts: str, rows: list[str]
+) -> None:
     path.write_text(
         f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\nSIZE {sizes}\nTYPE {kinds}\nCOUNT {counts}\nWIDTH {len(rows)}\n"
-        f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA ascii\n" + "".join(f"{row}\n" for row in rows)
+        f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA ascii\n"
+        + "".join(f"{row}\n" for row in rows)
     )
 
 
 @pytest.mark.parametrize(
-    "options", [{"write_ascii": True}, {}, {"compressed": True}], ids=["ascii", "binary", "compressed"]
+    "options",
+    [{"write_ascii": True}, {}, {"compressed": True}],
+    ids=["ascii", "binary", "compressed"],
 )
-def test_every_encoding_of_a_pcd_that_open3d_writes_is_read(tmp_path: Path, options: dict[str, bool]) -> None:
+def test_every_encoding_of_a_pcd_that_open3d_writes_is_read(
+    tmp_path: Path, options: dict[str, bool]
+) -> None:
     o3d = pytest.importorskip("open3d")
     rng = np.random.default_rng(0)
-    xyz = rng.integers(-99, 99, (300, 3)).astype(np.float32)  # repeats, so that there is something to compress
-    rgb, ring = rng.integers(0, 256, (300, 3)).astype(np.uint8), np.repeat(np.arange(3, dtype=np.uint16), 100)
+    xyz = rng.integers(-99, 99, (300, 3)).astype(
+        np.float32
+    )  # repeats, so that there is something to compress
+    rgb, ring = (
+        rng.integers(0, 256, (300, 3)).astype(np.uint8),
+        np.repeat(np.arange(3, dtype=np.uint16), 100),
+    )
     cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(xyz))
-    cloud.point["colors"], cloud.point["ring"] = o3d.core.Tensor(rgb), o3d.core.Tensor(ring[:, None])
+    cloud.point["colors"], cloud.point["ring"] = (
+        o3d.core.Tensor(rgb),
+        o3d.core.Tensor(ring[:, None]),
+    )
     assert o3d.t.io.write_point_cloud(str(tmp_path / "a.pcd"), cloud, **options)
     again = read_cloud(tmp_path / "a.pcd")
     np.testing.assert_array_equal(again.xyz, xyz)
@@ -514,23 +627,44 @@ def test_every_encoding_of_a_pcd_that_open3d_writes_is_read(tmp_path: Path, opti
 
 
 def test_a_pcd_field_of_several_numbers_keeps_all_of_them(tmp_path: Path) -> None:
-    write_pcd_text(tmp_path / "a.pcd", "x y z n", "4 4 4 4", "F F F F", "1 1 1 3", ["1 2 3 4 5 6", "1 2 3 7 8 9"])
-    np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd").columns["n"], [[4, 5, 6], [7, 8, 9]])
+    write_pcd_text(
+        tmp_path / "a.pcd",
+        "x y z n",
+        "4 4 4 4",
+        "F F F F",
+        "1 1 1 3",
+        ["1 2 3 4 5 6", "1 2 3 7 8 9"],
+    )
+    np.testing.assert_array_equal(
+        read_cloud(tmp_path / "a.pcd").columns["n"], [[4, 5, 6], [7, 8, 9]]
+    )
 
 
 def test_padding_in_a_pcd_is_left_out(tmp_path: Path) -> None:
     write_pcd_text(
-        tmp_path / "a.pcd", "x y z _ i _", "4 4 4 1 4 1", "F F F U F U", "1 1 1 4 1 1", ["1 2 3 0 0 0 0 9 0"]
+        tmp_path / "a.pcd",
+        "x y z _ i _",
+        "4 4 4 1 4 1",
+        "F F F U F U",
+        "1 1 1 4 1 1",
+        ["1 2 3 0 0 0 0 9 0"],
     )
     cloud = read_cloud(tmp_path / "a.pcd")
-    assert {name: column.tolist() for name, column in cloud.columns.items()} == {"x": [1], "y": [2], "z": [3], "i": [9]}
+    assert {name: column.tolist() for name, column in cloud.columns.items()} == {
+        "x": [1],
+        "y": [2],
+        "z": [3],
+        "i": [9],
+    }
 
 
 @pytest.mark.parametrize("kind", ["U", "F"])
 def test_packed_pcd_colours_are_unpacked(tmp_path: Path, kind: str) -> None:
     packed = np.array([10 << 16 | 20 << 8 | 30], np.uint32)
     word = str(packed[0]) if kind == "U" else repr(float(packed.view(np.float32)[0]))
-    write_pcd_text(tmp_path / "a.pcd", "x y z rgb", "4 4 4 4", f"F F F {kind}", "1 1 1 1", [f"1 2 3 {word}"])
+    write_pcd_text(
+        tmp_path / "a.pcd", "x y z rgb", "4 4 4 4", f"F F F {kind}", "1 1 1 1", [f"1 2 3 {word}"]
+    )
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd").rgb, [[10, 20, 30]])
 
 
@@ -543,7 +677,11 @@ def test_a_pcd_line_of_other_than_its_fields_is_refused(tmp_path: Path, row: str
 
 def test_compressed_pcd_data_that_do_not_unpack_are_refused(tmp_path: Path) -> None:
     write_pcd_text(tmp_path / "a.pcd", "x y z", "4 4 4", "F F F", "1 1 1", ["1 2 3"])
-    header = (tmp_path / "a.pcd").read_bytes().replace(b"DATA ascii\n1 2 3\n", b"DATA binary_compressed\n")
+    header = (
+        (tmp_path / "a.pcd")
+        .read_bytes()
+        .replace(b"DATA ascii\n1 2 3\n", b"DATA binary_compressed\n")
+    )
     (tmp_path / "a.pcd").write_bytes(
         header + struct.pack("<II", 3, 12) + bytes([32, 200, 0])
     )  # copies from before the start
@@ -582,7 +720,9 @@ class FailingFile(io.FileIO):
 
 @pytest.mark.parametrize("suffix", CLOUD_SUFFIXES)
 @pytest.mark.parametrize(
-    "error", [OSError(28, "No space left on device"), KeyboardInterrupt()], ids=["full", "interrupt"]
+    "error",
+    [OSError(28, "No space left on device"), KeyboardInterrupt()],
+    ids=["full", "interrupt"],
 )
 def test_a_write_that_fails_halfway_leaves_the_old_file_and_no_other(
     tmp_path: Path, suffix: str, error: BaseException, monkeypatch: pytest.MonkeyPatch
@@ -686,14 +826,44 @@ def test_a_damaged_archive_gives_a_sound_cloud_or_an_input_error(
 
 
 WORDS = st.sampled_from(
-    ["ply", "format", "ascii", "binary_little_endian", "binary_big_endian", "1.0", "element", "vertex", "face",
-     "property", "list", "float", "uchar", "quad", "x", "y", "z", "end_header", "comment", "obj_info", "-1", "0", "2",
-     "99999999999999999999", "nan", "é", "", "\r"]
-)  # fmt: skip
+    [
+        "ply",
+        "format",
+        "ascii",
+        "binary_little_endian",
+        "binary_big_endian",
+        "1.0",
+        "element",
+        "vertex",
+        "face",
+        "property",
+        "list",
+        "float",
+        "uchar",
+        "quad",
+        "x",
+        "y",
+        "z",
+        "end_header",
+        "comment",
+        "obj_info",
+        "-1",
+        "0",
+        "2",
+        "99999999999999999999",
+        "nan",
+        "é",
+        "",
+        "\r",
+    ]
+)
 
 
 @FUZZ
-@given(lines=st.lists(st.lists(WORDS, max_size=4).map(" ".join), max_size=10), body=st.binary(max_size=60))
+@given(
+    lines=st.lists(st.lists(WORDS, max_size=4).map(" ".join), max_size=10),
+    body=st.binary(max_size=60),
+)
 def test_a_ply_header_of_random_words_gives_a_sound_cloud_or_an_input_error(
     tmp_path: Path, lines: list[str], body: bytes
 ) -> None:
@@ -709,14 +879,20 @@ def test_a_ply_header_with_lines_moved_lost_or_changed_gives_a_sound_cloud_or_an
     lines = header.decode().splitlines()
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, len(lines) - 1))
-        other = data.draw(st.one_of(st.sampled_from(lines), st.lists(WORDS, max_size=4).map(" ".join)))
+        other = data.draw(
+            st.one_of(st.sampled_from(lines), st.lists(WORDS, max_size=4).map(" ".join))
+        )
         lines[at : at + data.draw(st.integers(0, 1))] = [other]
     read_or_refuse(tmp_path / "a.ply", "\n".join([*lines, "end_header", ""]).encode() + body)
 
 
 @FUZZ
-@given(rows=st.lists(st.text("0123456789.eE+-naif \t\r\x0b\x85\u0661#\"'", max_size=12), max_size=4))
-def test_ascii_vertices_of_random_text_give_a_sound_cloud_or_an_input_error(tmp_path: Path, rows: list[str]) -> None:
+@given(
+    rows=st.lists(st.text("0123456789.eE+-naif \t\r\x0b\x85\u0661#\"'", max_size=12), max_size=4)
+)
+def test_ascii_vertices_of_random_text_give_a_sound_cloud_or_an_input_error(
+    tmp_path: Path, rows: list[str]
+) -> None:
     header = f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n"
     header += "property float x\nproperty uchar y\nproperty int z\nend_header\n"
     read_or_refuse(tmp_path / "a.ply", (header + "\n".join(rows) + "\n").encode())
@@ -729,4 +905,6 @@ def test_attributes_whose_names_come_to_be_alike_are_all_kept(tmp_path: Path, su
     columns |= {"b c": np.full(3, 4, np.int32), "b_c": np.full(3, 5, np.int32)}
     write_cloud(tmp_path / f"cloud{suffix}", Cloud(columns))
     read = read_cloud(tmp_path / f"cloud{suffix}").columns
-    assert {1, 2, 3, 4, 5} <= {int(value) for column in read.values() for value in np.unique(column)}
+    assert {1, 2, 3, 4, 5} <= {
+        int(value) for column in read.values() for value in np.unique(column)
+    }

@@ -35,12 +35,17 @@ def assert_same(first: Building, second: Building) -> None:
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
         assert getattr(first, name).dtype == getattr(second, name).dtype
-    assert (first.classes, first.rooms, first.object_names) == (second.classes, second.rooms, second.object_names)
+    assert (first.classes, first.rooms, first.object_names) == (
+        second.classes,
+        second.rooms,
+        second.object_names,
+    )
     np.testing.assert_equal(first.room_starts, second.room_starts)
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"rooms": (), "room_starts": None, "object_names": ()}, {"classes": ("one",) * 13}]
+    "changes",
+    [{}, {"rooms": (), "room_starts": None, "object_names": ()}, {"classes": ("one",) * 13}],
 )
 def test_a_building_reads_back_as_written(tmp_path, changes):
     building = make_building(**changes)
@@ -101,7 +106,9 @@ def test_flipped_bytes_never_give_another_building(tmp_path):
     building = make_building()
     write_building_h5(tmp_path / "a.h5", building)
     whole, rng = (tmp_path / "a.h5").read_bytes(), np.random.default_rng(0)
-    places = np.concatenate([rng.integers(0, len(whole), 150), rng.integers(0, len(whole) - 20 * COUNT, 300)])
+    places = np.concatenate(
+        [rng.integers(0, len(whole), 150), rng.integers(0, len(whole) - 20 * COUNT, 300)]
+    )
     for place in places:
         damaged = bytearray(whole)
         damaged[place] ^= 1 << rng.integers(8)
@@ -136,7 +143,10 @@ def without_data(file: h5py.File) -> None:
     ("change", "says"),
     [
         (replace("xyz", None), "no dataset 'xyz'"),
-        (replace("xyz", np.zeros((COUNT, 3))), r"xyz float64 \(1000, 3\); expected float32 \(N, 3\)"),
+        (
+            replace("xyz", np.zeros((COUNT, 3))),
+            r"xyz float64 \(1000, 3\); expected float32 \(N, 3\)",
+        ),
         (replace("xyz", np.zeros((COUNT, 2), np.float32)), r"xyz float32 \(1000, 2\)"),
         (replace("xyz", np.full((COUNT, 3), np.nan, np.float32)), "NaN or infinite"),
         (replace("rgb", np.zeros((5, 3), np.uint8)), "shapes"),
@@ -162,7 +172,8 @@ def test_datasets_that_do_not_fit_are_refused_in_one_line(tmp_path, change, says
     assert "\n" not in str(caught.value)
 
 
-# --- the authors' files --------------------------------------------------------------------------------------------
+# --- the authors' files
+# --------------------------------------------------------------------------------------------
 
 
 def authors_table(rgb: object = (0, 128, 255)) -> np.ndarray:
@@ -197,7 +208,9 @@ def test_the_authors_colours_may_be_bytes_fractions_or_centred_fractions(tmp_pat
 
 
 def test_object_ids_that_restart_in_every_room_are_numbered_through(tmp_path):
-    building = read_building_h5(write_h5(tmp_path / "a.h5", points=authors_table(), count_room=[3, 0, 3]))
+    building = read_building_h5(
+        write_h5(tmp_path / "a.h5", points=authors_table(), count_room=[3, 0, 3])
+    )
     assert building.instance.tolist() == [0, 1, 2, 3, 3, 4]
     assert building.room_starts.tolist() == [0, 3, 3, 6]
     assert len(building.rooms) == 3
@@ -226,14 +239,20 @@ def test_tables_that_are_not_the_authors_are_refused(tmp_path, datasets, says):
         read_building_h5(write_h5(tmp_path / "a.h5", **datasets))
 
 
-# --- any building --------------------------------------------------------------------------------------------------
+# --- any building
+# --------------------------------------------------------------------------------------------------
 
 
 def cloud(**columns: object) -> Cloud:
     values = {axis: np.arange(4, dtype=np.float32) for axis in "xyz"}
     values |= {name: np.array([1, 2, 3, 4], np.uint8) for name in ("red", "green", "blue")}
-    values |= {"semantic": np.array([0, 3, 12, 255], np.uint8), "instance": np.array([1, 2, 0, 2], np.int32)}
-    return Cloud({name: values for name, values in (values | columns).items() if values is not None})
+    values |= {
+        "semantic": np.array([0, 3, 12, 255], np.uint8),
+        "instance": np.array([1, 2, 0, 2], np.int32),
+    }
+    return Cloud(
+        {name: values for name, values in (values | columns).items() if values is not None}
+    )
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".las", ".laz", ".npz", ".pcd"])
@@ -248,7 +267,10 @@ def test_a_labelled_cloud_of_any_format_is_a_building(tmp_path, suffix):
 
 
 def test_a_clouds_own_class_table_is_kept(tmp_path):
-    write_cloud(tmp_path / "a.npz", Cloud(cloud(semantic=np.array([0, 1, 1, 255])).columns, ("floor", "tree")))
+    write_cloud(
+        tmp_path / "a.npz",
+        Cloud(cloud(semantic=np.array([0, 1, 1, 255])).columns, ("floor", "tree")),
+    )
     assert read_building(tmp_path / "a.npz")[0].classes == ("floor", "tree")
 
 
@@ -276,7 +298,10 @@ def test_minus_one_is_unknown_and_no_object(tmp_path):
         ({"semantic": np.array([0, 0, -2, 0])}, r"class -2 \(point 2\)"),
         ({"semantic": np.array([0, 0, 0.5, 0])}, r"semantic 0.5 \(point 2\)"),
         ({"semantic": np.array([0, 0, np.nan, 0])}, r"semantic nan \(point 2\)"),
-        ({"semantic": np.array([0, 2**64 - 1, 0, 0], np.uint64)}, r"semantic 18446744073709551615 \(point 1\)"),
+        (
+            {"semantic": np.array([0, 2**64 - 1, 0, 0], np.uint64)},
+            r"semantic 18446744073709551615 \(point 1\)",
+        ),
         ({"instance": np.array([0, 2**31, 0, 0])}, "object 2147483648"),
         ({"instance": np.zeros((4, 2))}, r"instance float64 \(4, 2\)"),
         ({"x": np.array([0, 0, 512_345.0, 0])}, "coordinates up to 512,345 m"),
@@ -299,7 +324,9 @@ def test_folders_and_hdf5_files_are_dispatched(tmp_path):
     assert_same(read_building(cache)[0], building)
 
 
-@pytest.mark.parametrize(("name", "says"), [("none.ply", "no such file"), ("a.obj", "a file ending in '.obj'")])
+@pytest.mark.parametrize(
+    ("name", "says"), [("none.ply", "no such file"), ("a.obj", "a file ending in '.obj'")]
+)
 def test_what_is_not_there_or_of_another_format_is_refused(tmp_path, name, says):
     (tmp_path / "a.obj").write_text("v 0 0 0")
     with pytest.raises(InputError, match=says):

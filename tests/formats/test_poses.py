@@ -14,7 +14,10 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.poses import PoseTable, read_poses
 
 FUZZ = settings(
-    max_examples=250, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=250,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 COLUMNS = ("scan", "timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -34,11 +37,21 @@ def values(poses: NDArray[np.float64]) -> list[dict[str, str]]:
     for number, pose in enumerate(poses):
         quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
         numbers = [0.1 * number, *pose[:3, 3], *quaternion]
-        rows.append(dict(zip(COLUMNS, [f"{number:06d}", *(repr(float(word)) for word in numbers)], strict=True)))
+        rows.append(
+            dict(
+                zip(
+                    COLUMNS,
+                    [f"{number:06d}", *(repr(float(word)) for word in numbers)],
+                    strict=True,
+                )
+            )
+        )
     return rows
 
 
-def write_csv(path: Path, columns: tuple[str, ...], poses: NDArray[np.float64], separator: str = ",") -> Path:
+def write_csv(
+    path: Path, columns: tuple[str, ...], poses: NDArray[np.float64], separator: str = ","
+) -> Path:
     lines = [separator.join(columns)]
     lines += [separator.join(row[name] for name in columns) for row in values(poses)]
     path.write_text("\n".join(lines) + "\n")
@@ -69,7 +82,9 @@ def test_a_csv_in_any_layout_gives_the_poses(tmp_path: Path, columns: tuple[str,
 
 def test_a_tum_file_gives_the_poses(tmp_path: Path) -> None:
     lines = [" ".join(row[name] for name in COLUMNS[1:]) for row in values(make_poses())]
-    table = read_poses(write_text(tmp_path / "poses.tum", "# timestamp tx ty tz qx qy qz qw\n" + "\n".join(lines)))
+    table = read_poses(
+        write_text(tmp_path / "poses.tum", "# timestamp tx ty tz qx qy qz qw\n" + "\n".join(lines))
+    )
     np.testing.assert_allclose(table.poses, make_poses(), atol=1e-12)
     assert table.scans is None
 
@@ -82,7 +97,10 @@ def test_a_kitti_file_gives_the_poses(tmp_path: Path) -> None:
 
 
 def test_a_scan_column_names_the_scans_and_nothing_else_does(tmp_path: Path) -> None:
-    assert read_poses(write_csv(tmp_path / "a.csv", COLUMNS, make_poses(2))).scans == ("000000", "000001")
+    assert read_poses(write_csv(tmp_path / "a.csv", COLUMNS, make_poses(2))).scans == (
+        "000000",
+        "000001",
+    )
     assert read_poses(write_csv(tmp_path / "b.csv", COLUMNS[1:], make_poses(2))).scans is None
 
 
@@ -126,15 +144,24 @@ MALFORMED = {
     "short tum line": ("0 1 2 3 0 0 0 1\n0 1 2 3 0 0 0\n", "line 2 has 7 columns"),
     "text in csv": ("scan,x,y,z\na,1,2,3\nb,1,north,3\n", "'north' in line 3, column"),
     "text in tum": ("0 1 2 3 0 0 0 1\n1 1 2 3 0 zero 0 1\n", "'zero' in line 2, column 6"),
-    "text in kitti": ("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 O\n", "'O' in line 2, column 12"),
+    "text in kitti": (
+        "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 O\n",
+        "'O' in line 2, column 12",
+    ),
     "empty word": ("x,y,z\n1,,3\n", "'' in line 2, column 2"),
     "nan": ("x,y,z\n1,2,nan\n", "'nan' in line 2, column 3"),
     "infinity": ("0 1 2 3 0 0 0 1\n0 -inf 2 3 0 0 0 1\n", "'-inf' in line 2, column 2"),
     "overflow": ("x,y,z\n1,2,1e999\n", "'1e999' in line 2, column 3"),
-    "zero quaternion": ("0 1 2 3 0 0 0 1\n# x\n0 1 2 3 0 0 0 0\n", "quaternion of length 0 in line 3"),
+    "zero quaternion": (
+        "0 1 2 3 0 0 0 1\n# x\n0 1 2 3 0 0 0 0\n",
+        "quaternion of length 0 in line 3",
+    ),
     "long quaternion": ("x,y,z,qx,qy,qz,qw\n0,0,0,1,1,1,1\n", "quaternion of length 2 in line 2"),
     "huge quaternion": ("0 1 2 3 1e300 0 0 1\n", "quaternion of length inf in line 1"),
-    "reflected matrix": ("1 0 0 0 0 1 0 0 0 0 1 0\n-1 0 0 0 0 1 0 0 0 0 1 0\n", "line 2 is no rotation"),
+    "reflected matrix": (
+        "1 0 0 0 0 1 0 0 0 0 1 0\n-1 0 0 0 0 1 0 0 0 0 1 0\n",
+        "line 2 is no rotation",
+    ),
     "scaled matrix": ("2 0 0 0 0 2 0 0 0 0 2 0\n", "line 1 is no rotation"),
     "huge matrix": ("1e300 0 0 0 0 1e300 0 0 0 0 1e300 0\n", "line 1 is no rotation"),
     "scan twice": ("scan,x,y,z\na,1,2,3\nb,1,2,3\na,1,2,3\n", "scan a appears 2 times"),
@@ -192,7 +219,23 @@ def test_random_bytes_give_sound_poses_or_an_input_error(tmp_path: Path, data: b
 
 WORDS = st.one_of(
     st.sampled_from(
-        [*COLUMNS, "", "#", "0", "1", "-1", "0.5", "1e200", "nan", "inf", "1_0", "\u0661", "\u2028", "\x85", "é"]
+        [
+            *COLUMNS,
+            "",
+            "#",
+            "0",
+            "1",
+            "-1",
+            "0.5",
+            "1e200",
+            "nan",
+            "inf",
+            "1_0",
+            "\u0661",
+            "\u2028",
+            "\x85",
+            "é",
+        ]
     ),
     st.floats().map(repr),
 )
@@ -215,7 +258,10 @@ def test_tables_of_random_words_give_sound_poses_or_an_input_error(
 @FUZZ
 @given(
     rows=st.lists(
-        st.lists(st.sampled_from(["0", "1", "-1", "0.7071", "1e300", "1e-300"]), min_size=8, max_size=8), min_size=1
+        st.lists(
+            st.sampled_from(["0", "1", "-1", "0.7071", "1e300", "1e-300"]), min_size=8, max_size=8
+        ),
+        min_size=1,
     ),
     wide=st.booleans(),
 )

@@ -38,11 +38,18 @@ def rows_by_name(recording: list[ScanFile]) -> dict[str, float]:
 
 def test_scans_come_in_natural_order(tmp_path: Path) -> None:
     scans = make_scans(tmp_path / "scans", ["scan_10.ply", "scan_2.ply", "scan_1.ply", "a_3.ply"])
-    assert [path.name for path in list_clouds(scans)] == ["a_3.ply", "scan_1.ply", "scan_2.ply", "scan_10.ply"]
+    assert [path.name for path in list_clouds(scans)] == [
+        "a_3.ply",
+        "scan_1.ply",
+        "scan_2.ply",
+        "scan_10.ply",
+    ]
 
 
 def test_numbers_of_any_width_come_in_order_of_value(tmp_path: Path) -> None:
-    scans = make_scans(tmp_path / "scans", ["010.ply", "9.ply", "1700000000123456789.ply", "0011.ply"])
+    scans = make_scans(
+        tmp_path / "scans", ["010.ply", "9.ply", "1700000000123456789.ply", "0011.ply"]
+    )
     names = [path.name for path in list_clouds(scans)]
     assert names == ["9.ply", "010.ply", "0011.ply", "1700000000123456789.ply"]
 
@@ -51,7 +58,13 @@ def test_formats_may_be_mixed_and_other_files_are_passed_over(tmp_path: Path) ->
     scans = make_scans(tmp_path / "scans", ["3.ply", "1.las", "2.npz", "0.pcd", "4.laz"])
     for name in ("notes.txt", ".DS_Store", ".5.ply", "Thumbs.db"):
         (scans / name).write_bytes(b"x")
-    assert [path.name for path in list_clouds(scans)] == ["0.pcd", "1.las", "2.npz", "3.ply", "4.laz"]
+    assert [path.name for path in list_clouds(scans)] == [
+        "0.pcd",
+        "1.las",
+        "2.npz",
+        "3.ply",
+        "4.laz",
+    ]
 
 
 def test_an_ending_in_capitals_counts(tmp_path: Path) -> None:
@@ -112,7 +125,9 @@ def test_a_scan_without_a_pose_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("extra", ["c", "a.ply"], ids=["other scan", "same scan twice"])
 def test_a_pose_without_a_scan_is_named(tmp_path: Path, extra: str) -> None:
     scans = make_scans(tmp_path / "scans", ["a.ply", "b.ply"])
-    with pytest.raises(InputError, match=f"a pose for {extra.removesuffix('.ply')}, which is not among the scans"):
+    with pytest.raises(
+        InputError, match=f"a pose for {extra.removesuffix('.ply')}, which is not among the scans"
+    ):
         open_recording(scans, write_poses(tmp_path / "poses.csv", ["a", "b", extra]))
 
 
@@ -136,7 +151,9 @@ def test_scans_in_the_sensors_frame_are_rotated_and_then_moved(tmp_path: Path) -
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("z", 90, degrees=True).as_matrix()
     pose[:3, 3] = [10, 20, 30]
-    scan, _ = read_one(tmp_path / "a.ply", np.array([[1, 0, 0], [0, 1, 0]], np.float32), "sensor", pose)
+    scan, _ = read_one(
+        tmp_path / "a.ply", np.array([[1, 0, 0], [0, 1, 0]], np.float32), "sensor", pose
+    )
     np.testing.assert_allclose(scan.xyz, [[10, 21, 30], [9, 20, 30]], atol=1e-5)
     np.testing.assert_array_equal(scan.position, [10, 20, 30])
 
@@ -157,8 +174,12 @@ def test_the_file_keeps_its_own_coordinates_whatever_the_frame(tmp_path: Path) -
     np.testing.assert_array_equal(cloud.xyz, xyz)
 
 
-@pytest.mark.parametrize(("far", "voxel_size"), [(70_000.0, 0.1), (-70_000.0, 0.1), (1e300, 0.1), (45_000.0, 0.01)])
-def test_coordinates_too_large_for_the_map_are_refused(tmp_path: Path, far: float, voxel_size: float) -> None:
+@pytest.mark.parametrize(
+    ("far", "voxel_size"), [(70_000.0, 0.1), (-70_000.0, 0.1), (1e300, 0.1), (45_000.0, 0.01)]
+)
+def test_coordinates_too_large_for_the_map_are_refused(
+    tmp_path: Path, far: float, voxel_size: float
+) -> None:
     xyz = np.zeros((3, 3))
     xyz[1, 1] = far
     with pytest.raises(InputError, match=r"a\.ply: coordinates up to .*subtract a common offset"):
@@ -182,7 +203,9 @@ def test_positions_alone_are_refused_for_scans_in_the_sensors_frame(tmp_path: Pa
     assert open_recording(scans, poses, "map")
 
 
-def test_a_recording_in_the_sensors_frame_is_the_same_as_in_the_maps(tmp_path: Path, make_recording) -> None:
+def test_a_recording_in_the_sensors_frame_is_the_same_as_in_the_maps(
+    tmp_path: Path, make_recording
+) -> None:
     scans, poses_path = make_recording(tmp_path / "map", num_scans=2)
     moved = shutil.copytree(tmp_path / "map", tmp_path / "sensor")
     for source in open_recording(scans, poses_path):
@@ -191,7 +214,9 @@ def test_a_recording_in_the_sensors_frame_is_the_same_as_in_the_maps(tmp_path: P
         columns = cloud.columns | {axis: xyz[:, column] for column, axis in enumerate("xyz")}
         write_cloud(moved / "scans" / source.path.name, Cloud(columns))
     for ours, theirs in zip(
-        open_recording(scans, poses_path), open_recording(moved / "scans", moved / "poses.csv"), strict=True
+        open_recording(scans, poses_path),
+        open_recording(moved / "scans", moved / "poses.csv"),
+        strict=True,
     ):
         expected, _ = read_scan(ours, "map", 0.1)
         actual, _ = read_scan(theirs, "sensor", 0.1)

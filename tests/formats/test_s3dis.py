@@ -55,22 +55,55 @@ def within_one_step(read: np.ndarray, true: np.ndarray) -> bool:
     """Whether float32 values differ from correctly rounded ones by one step at most."""
     true = true.astype(np.float32)
     with np.errstate(over="ignore"):
-        return bool(((np.nextafter(true, -np.inf) <= read) & (read <= np.nextafter(true, np.inf))).all())
+        return bool(
+            ((np.nextafter(true, -np.inf) <= read) & (read <= np.nextafter(true, np.inf))).all()
+        )
 
 
-# --- lines ---------------------------------------------------------------------------------------------------------
+# --- lines ----------------------------------------------------------------------------------------
+# -----------------
 
 
 @_COMPILED
 @given(
     st.lists(
-        st.from_regex(r"[+-]?([0-9]{1,25}(\.[0-9]{0,25})?|\.[0-9]{1,25})([eE][+-]?[0-9]{1,3})?", fullmatch=True),
+        st.from_regex(
+            r"[+-]?([0-9]{1,25}(\.[0-9]{0,25})?|\.[0-9]{1,25})([eE][+-]?[0-9]{1,3})?",
+            fullmatch=True,
+        ),
         max_size=16,
     )
 )
-@example(["1e38", "3.4028235677973366e38", "3.4028234e38", "1e-45", "7e-46", "0.3", "16777217", "16777217.000001"])
-@example(["0" * 400 + "1e0", "0." + "0" * 400 + "1e401", "1" + "0" * 400 + "e-400", "1e99999999999999999999"])
-@example(["9007199254740993", "999999999999999999.9", "9223372036854775808", "18446744073709551616", "1e22", "1e23"])
+@example(
+    [
+        "1e38",
+        "3.4028235677973366e38",
+        "3.4028234e38",
+        "1e-45",
+        "7e-46",
+        "0.3",
+        "16777217",
+        "16777217.000001",
+    ]
+)
+@example(
+    [
+        "0" * 400 + "1e0",
+        "0." + "0" * 400 + "1e401",
+        "1" + "0" * 400 + "e-400",
+        "1e99999999999999999999",
+    ]
+)
+@example(
+    [
+        "9007199254740993",
+        "999999999999999999.9",
+        "9223372036854775808",
+        "18446744073709551616",
+        "1e22",
+        "1e23",
+    ]
+)
 def test_coordinates_are_within_one_float32_step_of_what_python_reads(numbers):
     text = "".join(f"{number} 0 0 0 0 0\n" for number in numbers).encode()
     points, bad = points_as_python_reads_them(text)
@@ -183,12 +216,15 @@ def test_points_are_written_as_python_writes_them(numbers, colour):
     assert b"".join(map(bytes, format_lines(xyz, rgb))).decode() == expected
 
 
-# --- folders -------------------------------------------------------------------------------------------------------
+# --- folders --------------------------------------------------------------------------------------
+# -----------------
 
 
 def test_rooms_and_files_come_in_natural_order_and_objects_are_numbered_through(tmp_path):
     names = ["hallway_2/wall_10", "hallway_10/chair_1", "hallway_2/wall_2", "hallway_2/ceiling_1"]
-    building, report = read_area(write(tmp_path / "Area_1", dict.fromkeys(names, f"{LINE}\n{LINE}\n")))
+    building, report = read_area(
+        write(tmp_path / "Area_1", dict.fromkeys(names, f"{LINE}\n{LINE}\n"))
+    )
     assert building.object_names == (
         "hallway_2/ceiling_1",
         "hallway_2/wall_2",
@@ -198,7 +234,12 @@ def test_rooms_and_files_come_in_natural_order_and_objects_are_numbered_through(
     assert building.rooms == ("hallway_2", "hallway_10")
     assert building.room_starts.tolist() == [0, 6, 8]
     assert building.instance.tolist() == [1, 1, 2, 2, 3, 3, 4, 4]
-    assert [S3DIS_CLASSES[label] for label in building.semantic[::2]] == ["ceiling", "wall", "wall", "chair"]
+    assert [S3DIS_CLASSES[label] for label in building.semantic[::2]] == [
+        "ceiling",
+        "wall",
+        "wall",
+        "chair",
+    ]
     assert (report.num_files, report.notices()) == (4, ())
 
 
@@ -218,9 +259,16 @@ def test_hidden_and_other_files_are_passed_over(tmp_path):
 
 
 def test_classes_outside_the_thirteen_become_clutter_and_are_named(tmp_path):
-    files = dict.fromkeys(["office_1/stairs_1", "office_1/stairs_2", "office_1/clutter_12", "office_1/Sofa"], LINE)
+    files = dict.fromkeys(
+        ["office_1/stairs_1", "office_1/stairs_2", "office_1/clutter_12", "office_1/Sofa"], LINE
+    )
     building, report = read_area(write(tmp_path / "Area_1", files))
-    assert [S3DIS_CLASSES[label] for label in building.semantic] == ["sofa", "clutter", "clutter", "clutter"]
+    assert [S3DIS_CLASSES[label] for label in building.semantic] == [
+        "sofa",
+        "clutter",
+        "clutter",
+        "clutter",
+    ]
     assert report.other_classes == (("stairs", 2),)
     assert report.notices() == ("1 x class counted as clutter: stairs (2)",)
 
@@ -248,9 +296,15 @@ def test_a_single_room_is_an_area_of_one_room(tmp_path, inner):
         (lambda folder: None, "no such folder"),
         (lambda folder: folder.write_text(LINE), "a file"),
         (lambda folder: folder.mkdir(), "no object files"),
-        (lambda folder: write(folder / "Area_3", {"office_1/wall_1": LINE}), "name one area, such as .*Area_3"),
+        (
+            lambda folder: write(folder / "Area_3", {"office_1/wall_1": LINE}),
+            "name one area, such as .*Area_3",
+        ),
         (lambda folder: write(folder, {"office_1/wall_1": ""}), "1 object files without a point"),
-        (lambda folder: write(folder, {"office_1/wall_1": b"\0" * 70_000}), "wall_1.txt: 1 bad lines, first line 1"),
+        (
+            lambda folder: write(folder, {"office_1/wall_1": b"\0" * 70_000}),
+            "wall_1.txt: 1 bad lines, first line 1",
+        ),
         (
             lambda folder: write(folder, {"office_1/wall_1": (LINE + " 9\n") * 9}),
             r"9 bad .*first line 1: '1.5 .* 30 9'",
@@ -267,7 +321,9 @@ def test_what_is_no_area_is_refused_in_one_line(tmp_path, make, says):
 def test_bad_lines_are_reported_with_file_and_number(tmp_path):
     text = [LINE] * 500
     text[99], text[299] = "1 2 3 4 5\x106", "rubbish"
-    building, report = read_area(write(tmp_path / "Area_5", {"hallway_6/ceiling_1": "\n".join(text)}))
+    building, report = read_area(
+        write(tmp_path / "Area_5", {"hallway_6/ceiling_1": "\n".join(text)})
+    )
     assert len(building) == 499
     assert report.mended == ("hallway_6/Annotations/ceiling_1.txt:100",)
     assert report.dropped == ("hallway_6/Annotations/ceiling_1.txt:300",)
@@ -275,7 +331,9 @@ def test_bad_lines_are_reported_with_file_and_number(tmp_path):
 
 
 @pytest.mark.parametrize(("num_bad", "refused"), [(10, False), (11, True)])
-def test_a_file_with_more_than_ten_bad_lines_and_a_thousandth_is_refused(tmp_path, num_bad, refused):
+def test_a_file_with_more_than_ten_bad_lines_and_a_thousandth_is_refused(
+    tmp_path, num_bad, refused
+):
     area = write(tmp_path / "Area_1", {"a_1/wall_1": f"{LINE}\n" * 5000 + "bad\n" * num_bad})
     if refused:
         with pytest.raises(InputError, match=r"11 bad lines, first line 5,001: 'bad'"):
@@ -286,10 +344,15 @@ def test_a_file_with_more_than_ten_bad_lines_and_a_thousandth_is_refused(tmp_pat
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
 @pytest.mark.parametrize("part", [1, 7, 24, 25, 26, 64, 1000])
-def test_files_read_in_parts_give_the_same_points_and_line_numbers(tmp_path, monkeypatch, part, threads):
+def test_files_read_in_parts_give_the_same_points_and_line_numbers(
+    tmp_path, monkeypatch, part, threads
+):
     rows = [f"{number} 0 0 1 2 3" + "\r" * (number % 2) for number in range(30)]
     rows[20] = "bad"
-    area = write(tmp_path / "Area_1", {"a_1/wall_1": "\n".join(rows), "a_1/wall_2": "\n".join(rows[:7]) + "\n"})
+    area = write(
+        tmp_path / "Area_1",
+        {"a_1/wall_1": "\n".join(rows), "a_1/wall_2": "\n".join(rows[:7]) + "\n"},
+    )
     monkeypatch.setattr(s3dis_files, "_PART", part)
     building, report = read_area(area, threads=threads, use_cache=False)
     assert building.xyz[:, 0].tolist() == [*range(20), *range(21, 30), *range(7)]
@@ -306,7 +369,9 @@ def test_progress_ends_at_all_bytes(tmp_path):
 
 def test_the_real_room_has_the_points_objects_and_classes_known(shared_folder, tmp_path):
     area = tmp_path / "Area_1"
-    shutil.copytree(shared_folder / "real" / "s3dis_room" / "Area_1", area, copy_function=shutil.copyfile)
+    shutil.copytree(
+        shared_folder / "real" / "s3dis_room" / "Area_1", area, copy_function=shutil.copyfile
+    )
     for folder in (area, area / "conferenceRoom_1", area / "conferenceRoom_1" / "Annotations"):
         folder.chmod(0o755)
     building, report = read_area(area)
@@ -315,12 +380,15 @@ def test_the_real_room_has_the_points_objects_and_classes_known(shared_folder, t
     mine = building.object_names.index("conferenceRoom_1/bookcase_10") + 1
     assert (len(building), len(building.object_names), report.notices()) == (480_470, 90, ())
     assert sum(count > 0 for count in building.class_counts().values()) == 12
-    np.testing.assert_array_equal(building.xyz[building.instance == mine], slow[:, :3].astype(np.float32))
+    np.testing.assert_array_equal(
+        building.xyz[building.instance == mine], slow[:, :3].astype(np.float32)
+    )
     assert cached.from_cache
     np.testing.assert_array_equal(again.xyz, building.xyz)
 
 
-# --- the cache -----------------------------------------------------------------------------------------------------
+# --- the cache ------------------------------------------------------------------------------------
+# -----------------
 
 
 @pytest.fixture
@@ -337,7 +405,11 @@ def test_the_second_time_comes_from_the_cache_with_the_same_report(area):
     assert cached.notices() == report.notices()
     for name in ("xyz", "rgb", "semantic", "instance", "room_starts"):
         np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
-    assert (second.rooms, second.object_names, second.classes) == (first.rooms, first.object_names, first.classes)
+    assert (second.rooms, second.object_names, second.classes) == (
+        first.rooms,
+        first.object_names,
+        first.classes,
+    )
 
 
 def test_without_cache_nothing_is_written(area):
@@ -421,7 +493,9 @@ def test_a_cache_that_cannot_be_written_is_a_notice(area, tmp_path):
 
 
 def test_a_room_whose_name_is_no_utf8_is_read_but_not_cached(tmp_path):
-    building, report = read_area(write(tmp_path / "Area_1", {os.fsdecode(b"caf\xe9_1/wall_1"): LINE}))
+    building, report = read_area(
+        write(tmp_path / "Area_1", {os.fsdecode(b"caf\xe9_1/wall_1"): LINE})
+    )
     assert len(building) == 1
     assert "not printable" in report.cache_notice
 
@@ -435,7 +509,9 @@ def test_a_full_disk_leaves_no_half_cache(tmp_path):
         "    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, -1))\n"
         "    building, report = read_area(area); print(len(building), report.cache_notice)"
     )
-    result = subprocess.run([sys.executable, "-c", script, str(area)], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [sys.executable, "-c", script, str(area)], capture_output=True, text=True, check=True
+    )
     lines = result.stdout.splitlines()
     assert [line.split(";")[0].split(": ")[0] for line in lines] == [
         "8000 no cache was written ([Errno 27] File too large"
@@ -452,17 +528,26 @@ def test_memory_stays_near_the_size_of_the_points(tmp_path):
         "from mcpseg_cli.formats.s3dis_text import read_lines; read_lines(b'1 2 3 4 5 6')\n"
         "before = peak(); building, _ = read_area(Path(sys.argv[1]), use_cache=False); print(peak() - before)"
     )
-    result = subprocess.run([sys.executable, "-c", script, str(area)], capture_output=True, text=True, check=True)
-    assert int(result.stdout) < 2_400_000 * 20 / 1024 + 3 * 16_384 + 40_000  # KB: points, texts, parts under way
+    result = subprocess.run(
+        [sys.executable, "-c", script, str(area)], capture_output=True, text=True, check=True
+    )
+    assert (
+        int(result.stdout) < 2_400_000 * 20 / 1024 + 3 * 16_384 + 40_000
+    )  # KB: points, texts, parts under way
 
 
-# --- writing -------------------------------------------------------------------------------------------------------
+# --- writing --------------------------------------------------------------------------------------
+# -----------------
 
 
 def random_objects(rng: np.random.Generator) -> list[tuple[str, np.ndarray, np.ndarray]]:
     sizes = [("wall", 70_000), ("chair", 5), ("wall", 1), ("floor", 0), ("wall", 300)]
     return [
-        (name, rng.uniform(-60, 60, (size, 3)).astype(np.float32), rng.integers(0, 256, (size, 3)).astype(np.uint8))
+        (
+            name,
+            rng.uniform(-60, 60, (size, 3)).astype(np.float32),
+            rng.integers(0, 256, (size, 3)).astype(np.uint8),
+        )
         for name, size in sizes
     ]
 
@@ -520,7 +605,11 @@ def test_a_room_is_never_written_over(tmp_path):
 @pytest.mark.parametrize("value", [np.nan, np.inf, 2e9])
 def test_coordinates_that_text_cannot_hold_are_refused(tmp_path, value):
     with pytest.raises(OutputError, match="wall_1: coordinates must be finite"):
-        write_room(tmp_path, "a_1", [("wall", np.full((1, 3), value, np.float32), np.zeros((1, 3), np.uint8))])
+        write_room(
+            tmp_path,
+            "a_1",
+            [("wall", np.full((1, 3), value, np.float32), np.zeros((1, 3), np.uint8))],
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -44,13 +44,17 @@ def same_partition(a: np.ndarray, b: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("architecture", CLASS_ONLY)
 def test_objects_of_a_network_without_embedding_are_connected_voxels_of_one_class(architecture):
-    segmenter = IncrementalSegmenter(make_weights(architecture), SegmentSettings(similarity=0.1), precision="fp32")
+    segmenter = IncrementalSegmenter(
+        make_weights(architecture), SegmentSettings(similarity=0.1), precision="fp32"
+    )
     walk(segmenter)
     ids = np.arange(len(segmenter.map), dtype=np.int32)
     rows, columns = np.nonzero((neighbours := segmenter.map.neighbours(ids)) >= 0)
     pairs = np.stack([rows, neighbours[rows, columns]])
     pairs = pairs[:, segmenter.semantic[pairs[0]] == segmenter.semantic[pairs[1]]]
-    _, component = connected_components(coo_array((np.ones(pairs.shape[1]), pairs), shape=(len(ids), len(ids))))
+    _, component = connected_components(
+        coo_array((np.ones(pairs.shape[1]), pairs), shape=(len(ids), len(ids)))
+    )
     assert len(np.unique(segmenter.semantic)) > 1
     assert same_partition(segmenter.clusters.instance, component)
 
@@ -61,7 +65,9 @@ def test_settings_not_given_are_the_networks_own(architecture):
     segmenter = IncrementalSegmenter(weights)
     own = {"mcpnet": (256, 0.9), "sgpn": (1024, 0.98), "voxnet": (1024, 0.9)}[architecture]
     assert (segmenter.settings.batch_size, segmenter.settings.similarity) == own
-    given = IncrementalSegmenter(weights, SegmentSettings(batch_size=256, similarity=0.9, seed=4)).settings
+    given = IncrementalSegmenter(
+        weights, SegmentSettings(batch_size=256, similarity=0.9, seed=4)
+    ).settings
     assert (given.batch_size, given.similarity, given.seed) == (256, 0.9, 4)
 
 
@@ -74,14 +80,27 @@ def test_settings_for_mcpnet_are_written_down_as_ever():
 def test_the_same_walk_gives_the_same_labels(architecture):
     labels = []
     for _ in range(2):
-        segmenter = IncrementalSegmenter(make_weights(architecture), SegmentSettings(seed=5), precision="fp32")
+        segmenter = IncrementalSegmenter(
+            make_weights(architecture), SegmentSettings(seed=5), precision="fp32"
+        )
         walk(segmenter, num_scans=2)
         labels.append((segmenter.semantic.tolist(), segmenter.clusters.instance.tolist()))
     assert labels[0] == labels[1]
 
 
 def segment(folder: Path, scans: Path, poses: Path, *options: str) -> dict[str, object]:
-    command = ["segment", scans, poses, "-o", folder / "out", "-w", folder / "w.safetensors", "--json", "-q", *options]
+    command = [
+        "segment",
+        scans,
+        poses,
+        "-o",
+        folder / "out",
+        "-w",
+        folder / "w.safetensors",
+        "--json",
+        "-q",
+        *options,
+    ]
     result = CliRunner().invoke(app, [str(word) for word in command])
     assert result.exit_code == 0, result.stderr
     return json.loads(result.stdout)

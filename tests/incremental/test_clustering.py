@@ -96,11 +96,20 @@ def test_objects_are_the_connected_components_of_all_similar_neighbours(data):
                     if other >= start:
                         links[other - start].add(start + i)
         before = clusters.instance.copy()
-        merges, changed = clusters.add(embedding_of(all_kinds[start:]), neighbours_of([sorted(link) for link in links]))
-        edges += [(start + i, j) for i, link in enumerate(links) for j in link if all_kinds[start + i] == all_kinds[j]]
+        merges, changed = clusters.add(
+            embedding_of(all_kinds[start:]), neighbours_of([sorted(link) for link in links])
+        )
+        edges += [
+            (start + i, j)
+            for i, link in enumerate(links)
+            for j in link
+            if all_kinds[start + i] == all_kinds[j]
+        ]
         assert np.flatnonzero(before != clusters.instance[:start]).tolist() == changed.tolist()
         survivors.update({int(old): int(new) for old, new in merges})
-        assert {int(old) for old in before} - set(clusters.instance.tolist()) == {int(old) for old, _ in merges}
+        assert {int(old) for old in before} - set(clusters.instance.tolist()) == {
+            int(old) for old, _ in merges
+        }
         assert all(new < old for old, new in merges)
     if all_kinds:
         components = reference.connected_components(len(all_kinds), edges)
@@ -113,7 +122,12 @@ def test_a_restored_clustering_goes_on_as_if_never_interrupted():
     steps, total = [], 0
     for _ in range(6):
         neighbours = rng.integers(-1, max(total, 1), (20, 26)).astype(np.int32)
-        steps.append((embedding_of(rng.integers(0, 3, 20).tolist()), np.where(neighbours >= total, -1, neighbours)))
+        steps.append(
+            (
+                embedding_of(rng.integers(0, 3, 20).tolist()),
+                np.where(neighbours >= total, -1, neighbours),
+            )
+        )
         total += 20
     whole, first = Clusters(0.9), Clusters(0.9)
     original, merges = [], []

@@ -13,13 +13,17 @@ SENSOR = np.array([0.0, 0.0, 1.5])
 def plane(z: float, half: float = 1.5, seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     count = int(800 * half**2)
-    return np.column_stack([rng.uniform(-half, half, (count, 2)), rng.normal(z, 0.005, count)]).astype(np.float32)
+    return np.column_stack(
+        [rng.uniform(-half, half, (count, 2)), rng.normal(z, 0.005, count)]
+    ).astype(np.float32)
 
 
 def wall(low: float, high: float) -> np.ndarray:
     rng = np.random.default_rng(1)
     side = np.where(rng.random(4000) < 0.5, -1.5, 1.5) + rng.normal(0, 0.03, 4000)
-    return np.column_stack([side, rng.uniform(-1.5, 1.5, 4000), rng.uniform(low, high, 4000)]).astype(np.float32)
+    return np.column_stack(
+        [side, rng.uniform(-1.5, 1.5, 4000), rng.uniform(low, high, 4000)]
+    ).astype(np.float32)
 
 
 def floor_of(*parts: np.ndarray, sensor: np.ndarray = SENSOR) -> float | None:
@@ -41,7 +45,9 @@ def test_the_floor_may_lie_at_any_height_between_voxels(height):
 
 def test_stray_points_below_the_floor_are_no_floor():
     rng = np.random.default_rng(2)
-    stray = np.column_stack([rng.uniform(-1, 1, (30, 2)), rng.uniform(-1.4, -0.2, 30)]).astype(np.float32)
+    stray = np.column_stack([rng.uniform(-1, 1, (30, 2)), rng.uniform(-1.4, -0.2, 30)]).astype(
+        np.float32
+    )
     assert floor_of(plane(0.0), stray) == pytest.approx(0.0, abs=0.01)
 
 
@@ -71,7 +77,9 @@ def test_an_empty_map_has_no_floor():
 
 def test_centre_points_are_around_the_robot_and_above_the_floor():
     xyz = np.array([[3.0, 4.0, 1.0]], np.float32)
-    centre = network_input(xyz, np.array([[0, 255, 128]], np.uint8), np.array([2.0, 6.0, 1.3]), 0.25)
+    centre = network_input(
+        xyz, np.array([[0, 255, 128]], np.uint8), np.array([2.0, 6.0, 1.3]), 0.25
+    )
     assert centre.dtype == np.float32
     np.testing.assert_allclose(centre, [[1.0, -2.0, 0.75, -0.5, 0.5, 128 / 255 - 0.5]], atol=1e-6)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import list_objects
-from mcpseg_cli.segment.checkpoint import MapRows
 from tests import reference
 
 CLASSES = ("floor", "wall", "chair")
@@ -38,7 +38,11 @@ def test_a_tied_vote_goes_to_the_first_class_of_the_table():
 
 def test_objects_come_by_id_whatever_the_order_of_points():
     found = list_objects(rows_of(np.zeros((4, 3)), [0, 1, 2, 0], [9, 2, 5, 9]), CLASSES)
-    assert [(item.id, item.class_name) for item in found] == [(2, "wall"), (5, "chair"), (9, "floor")]
+    assert [(item.id, item.class_name) for item in found] == [
+        (2, "wall"),
+        (5, "chair"),
+        (9, "floor"),
+    ]
 
 
 def test_the_axis_aligned_box_and_centroid_are_those_of_the_points():
@@ -49,7 +53,9 @@ def test_the_axis_aligned_box_and_centroid_are_those_of_the_points():
 
 @pytest.mark.parametrize("yaw_deg", [0, 17, 45, 89, 120, 179])
 def test_a_turned_rectangle_gets_its_own_oriented_box(yaw_deg):
-    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-0.3, 0.3, 20)))
+    u, v = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-0.3, 0.3, 20))
+    )
     turn = np.deg2rad(yaw_deg)
     x, y = 5 + u * np.cos(turn) - v * np.sin(turn), -2 + u * np.sin(turn) + v * np.cos(turn)
     xyz = np.column_stack([x, y, np.linspace(0, 0.8, len(u))])

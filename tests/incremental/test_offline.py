@@ -59,7 +59,9 @@ def test_blocks_hold_every_point_once_and_none_farther_than_half_an_edge(seed, c
     assert len({tuple(middle) for middle, _ in blocks}) == len(blocks)
 
 
-def test_an_offline_run_labels_the_points_of_an_online_run_and_writes_every_output(recording, tmp_path, pointnet):
+def test_an_offline_run_labels_the_points_of_an_online_run_and_writes_every_output(
+    recording, tmp_path, pointnet
+):
     result = offline(recording, tmp_path / "offline", pointnet, "--json")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
@@ -69,7 +71,9 @@ def test_an_offline_run_labels_the_points_of_an_online_run_and_writes_every_outp
     assert (document["scans"], document["voxels"]) == (4, len(clouds[0]))
     assert document["objects"] == len(np.unique(clouds[0].label("instance")))
     assert clouds[0].label("semantic").max() < 13
-    names = [sorted(path.name for path in (tmp_path / name).iterdir()) for name in ("offline", "online")]
+    names = [
+        sorted(path.name for path in (tmp_path / name).iterdir()) for name in ("offline", "online")
+    ]
     assert names[0] == names[1]
 
 
@@ -105,10 +109,14 @@ def test_lost_outputs_are_rebuilt(recording, tmp_path, pointnet):
     assert outputs_of(tmp_path / "out") == before
 
 
-def test_a_run_that_dies_before_its_commit_starts_afresh(recording, tmp_path, pointnet, monkeypatch):
+def test_a_run_that_dies_before_its_commit_starts_afresh(
+    recording, tmp_path, pointnet, monkeypatch
+):
     offline(recording, tmp_path / "whole", pointnet)
     with monkeypatch.context() as patch:
-        patch.setattr(offline_run.OfflineRun, "_commit", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(
+            offline_run.OfflineRun, "_commit", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
         offline(recording, tmp_path / "out", pointnet)
     assert not list((tmp_path / "out/scans").iterdir())
     assert offline(recording, tmp_path / "out", pointnet).exit_code == 0
@@ -139,10 +147,17 @@ def test_an_online_run_is_not_continued_offline(recording, tmp_path, pointnet):
 def test_a_scan_that_cannot_be_read_is_skipped_if_asked(recording, tmp_path, pointnet):
     (recording[0] / "000001.ply").write_text("nothing")
     assert offline(recording, tmp_path / "stop", pointnet).exit_code == 1
-    document = json.loads(offline(recording, tmp_path / "out", pointnet, "--on-error", "skip", "--json").stdout)
+    document = json.loads(
+        offline(recording, tmp_path / "out", pointnet, "--on-error", "skip", "--json").stdout
+    )
     assert (document["scans"], document["skipped"]) == (4, ["000001.ply"])
 
 
 def test_every_method_runs_offline(recording, tmp_path, weights_path):
     assert offline(recording, tmp_path / "mcpnet", weights_path).exit_code == 0
-    assert segment(recording, tmp_path / "growing", "--method", "region-growing", "--offline").exit_code == 0
+    assert (
+        segment(
+            recording, tmp_path / "growing", "--method", "region-growing", "--offline"
+        ).exit_code
+        == 0
+    )

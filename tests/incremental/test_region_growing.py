@@ -38,7 +38,9 @@ def normals_of(xyz: np.ndarray, position=(0.0, 0.0, 1.0)) -> np.ndarray:
     return estimate_normals(voxel_map, everything(voxel_map), np.array(position), GROWING)
 
 
-def slow_normal(voxel_map: VoxelMap, voxel: int, position: np.ndarray, growing: RegionGrowingSettings) -> np.ndarray:
+def slow_normal(
+    voxel_map: VoxelMap, voxel: int, position: np.ndarray, growing: RegionGrowingSettings
+) -> np.ndarray:
     """The least axis of the points within reach by singular values, facing the sensor; 0 where they are no plane."""
     cells = np.floor(voxel_map.xyz.astype(np.float64) / 0.1 + 0.5)
     near = np.abs(cells - cells[voxel]).max(axis=1) <= growing.reach
@@ -52,11 +54,18 @@ def slow_normal(voxel_map: VoxelMap, voxel: int, position: np.ndarray, growing: 
     return axes[2] if axes[2] @ (position - voxel_map.xyz[voxel]) >= 0 else -axes[2]
 
 
-def slow_alike(voxel: int, neighbours: list[int], normals, rgb, growing: RegionGrowingSettings) -> set[int]:
+def slow_alike(
+    voxel: int, neighbours: list[int], normals, rgb, growing: RegionGrowingSettings
+) -> set[int]:
     """Which neighbours a voxel joins, in words: as ``keep_alike`` says."""
-    distance = {other: math.dist(map(int, rgb[voxel]), map(int, rgb[other])) for other in neighbours}
+    distance = {
+        other: math.dist(map(int, rgb[voxel]), map(int, rgb[other])) for other in neighbours
+    }
     if normals[voxel].any():
-        facing = {other: float(normals[voxel].astype(float) @ normals[other].astype(float)) for other in neighbours}
+        facing = {
+            other: float(normals[voxel].astype(float) @ normals[other].astype(float))
+            for other in neighbours
+        }
         least = math.cos(math.radians(growing.max_angle_deg)) * 32767**2
         return {o for o in neighbours if distance[o] <= growing.max_colour and facing[o] >= least}
     near = [other for other in neighbours if distance[other] <= growing.max_colour]
@@ -70,7 +79,9 @@ def test_normals_equal_the_slow_twin(seed, thickness):
     voxel_map = make_map(rng.uniform([0, 0, 0], [0.8, 0.8, max(thickness, 1e-3)], (120, 3)))
     position = rng.uniform(-2, 2, 3)
     found = estimate_normals(voxel_map, everything(voxel_map), position, GROWING)
-    expected = np.array([slow_normal(voxel_map, voxel, position, GROWING) for voxel in range(len(voxel_map))])
+    expected = np.array(
+        [slow_normal(voxel_map, voxel, position, GROWING) for voxel in range(len(voxel_map))]
+    )
     np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
@@ -79,10 +90,14 @@ def test_normals_equal_the_slow_twin(seed, thickness):
 def test_who_joins_whom_equals_the_slow_twin(seed, num_known, smooth):
     rng = np.random.default_rng(seed)
     total = 24
-    turned = np.column_stack([np.zeros(total), *(f(rng.normal(0, 0.25, total)) for f in (np.sin, np.cos))])
+    turned = np.column_stack(
+        [np.zeros(total), *(f(rng.normal(0, 0.25, total)) for f in (np.sin, np.cos))]
+    )
     normals = quantise(np.where(rng.random(total)[:, None] < smooth, turned, 0).astype(np.float32))
     rgb = rng.integers(90, 130, (total, 3)).astype(np.uint8)
-    neighbours = np.where(rng.random((total - num_known, 26)) < 0.3, rng.integers(0, total, 26), -1).astype(np.int32)
+    neighbours = np.where(
+        rng.random((total - num_known, 26)) < 0.3, rng.integers(0, total, 26), -1
+    ).astype(np.int32)
     embedding = np.zeros((total, EMBEDDING), np.int16)
     embedding[:, :3] = normals
     kept = keep_alike(neighbours, embedding[num_known:], embedding[:num_known], rgb, GROWING)
@@ -95,8 +110,12 @@ def test_who_joins_whom_equals_the_slow_twin(seed, num_known, smooth):
 
 def test_normals_face_the_sensor():
     floor = grid(np.arange(0, 1, 0.1), np.arange(0, 1, 0.1), [0.0])
-    np.testing.assert_allclose(normals_of(floor, (0.5, 0.5, 1.0)), np.tile([0, 0, 1], (len(floor), 1)), atol=1e-6)
-    np.testing.assert_allclose(normals_of(floor, (0.5, 0.5, -1.0)), np.tile([0, 0, -1], (len(floor), 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        normals_of(floor, (0.5, 0.5, 1.0)), np.tile([0, 0, 1], (len(floor), 1)), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        normals_of(floor, (0.5, 0.5, -1.0)), np.tile([0, 0, -1], (len(floor), 1)), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("points", [grid([0.0], [0.0], [0.0]), grid([0.0, 0.1], [0.0], [0.0])])
@@ -105,7 +124,9 @@ def test_too_few_points_have_no_normal(points):
 
 
 def test_a_ball_of_points_is_rough():
-    assert not normals_of(grid(np.arange(0, 0.3, 0.1), np.arange(0, 0.3, 0.1), np.arange(0, 0.3, 0.1))).any()
+    assert not normals_of(
+        grid(np.arange(0, 0.3, 0.1), np.arange(0, 0.3, 0.1), np.arange(0, 0.3, 0.1))
+    ).any()
 
 
 def grow(scans: list[tuple[np.ndarray, np.ndarray, float]]) -> IncrementalSegmenter:
@@ -128,7 +149,9 @@ def test_floor_and_wall_of_one_colour_are_two_large_objects():
     segmenter = grow([(xyz, paint(xyz, 120), 0.0)])
     sizes = np.sort(np.bincount(segmenter.clusters.instance))[::-1]
     assert sizes[0] + sizes[1] > 0.85 * len(segmenter.map)
-    middle = segmenter.clusters.instance[segmenter.map.find(np.array([[0, 0, 0], [0, 1, 1]], np.float32))]
+    middle = segmenter.clusters.instance[
+        segmenter.map.find(np.array([[0, 0, 0], [0, 1, 1]], np.float32))
+    ]
     assert middle[0] != middle[1]
 
 
@@ -140,7 +163,10 @@ def test_two_colours_on_one_plane_are_two_objects():
 
 
 def test_an_object_grows_over_scans_and_two_merge_when_the_gap_is_seen():
-    left, right = (grid(x, np.arange(-0.5, 0.51, 0.1), [0.0]) for x in (np.arange(0, 1, 0.1), np.arange(1.5, 2.5, 0.1)))
+    left, right = (
+        grid(x, np.arange(-0.5, 0.51, 0.1), [0.0])
+        for x in (np.arange(0, 1, 0.1), np.arange(1.5, 2.5, 0.1))
+    )
     middle = grid(np.arange(0.9, 1.6, 0.1), np.arange(-0.5, 0.51, 0.1), [0.0])
     segmenter = grow([(part, paint(part, 90), 1.0) for part in (left, right)])
     assert segmenter.clusters.num_objects == 2

@@ -19,7 +19,9 @@ def uniform_numbers(seed: int, *shape: int) -> np.ndarray:
     return np.random.default_rng(seed).random(shape, np.float32)
 
 
-def filled(points: np.ndarray, num_scans: int = 3) -> tuple[VoxelMap, reference.DictVoxelMap, list[int], list[int]]:
+def filled(
+    points: np.ndarray, num_scans: int = 3
+) -> tuple[VoxelMap, reference.DictVoxelMap, list[int], list[int]]:
     fast, slow = VoxelMap(0.1), reference.DictVoxelMap(0.1)
     fast_ids, slow_ids = [], []
     for scan in np.array_split(points, num_scans):

@@ -10,7 +10,9 @@ from mcpseg_cli.networks.pooling import PoolContext
 
 def plain_pooling(context, weight_1, bias_1, weight_2, bias_2):
     """The slow twin: every layer in full, gradients by torch."""
-    points = functional.linear(functional.linear(context, weight_1, bias_1).relu(), weight_2, bias_2)
+    points = functional.linear(
+        functional.linear(context, weight_1, bias_1).relu(), weight_2, bias_2
+    )
     return points.amax(dim=1).relu()
 
 

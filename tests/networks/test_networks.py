@@ -29,22 +29,32 @@ def build(architecture: Architecture) -> Network:
     return build_network(WeightsInfo(architecture=architecture, classes=S3DIS_CLASSES)).eval()
 
 
-def make_input(network: Network, *shape: int, seed: int = 1) -> tuple[torch.Tensor, torch.Tensor | None]:
+def make_input(
+    network: Network, *shape: int, seed: int = 1
+) -> tuple[torch.Tensor, torch.Tensor | None]:
     """Points within two metres of the robot and up to three high, and context where the network needs it."""
     generator = torch.Generator().manual_seed(seed)
     low, size = torch.tensor([-2.0, -2, 0, -0.5, -0.5, -0.5]), torch.tensor([4.0, 4, 3, 1, 1, 1])
     centre = torch.rand(*shape, 6, generator=generator) * size + low
-    return centre, 0.3 * torch.randn(*shape, 8, 6, generator=generator) if network.needs_context else None
+    return centre, 0.3 * torch.randn(
+        *shape, 8, 6, generator=generator
+    ) if network.needs_context else None
 
 
-def total_loss(network: Network, centre: torch.Tensor, context: torch.Tensor | None) -> torch.Tensor:
+def total_loss(
+    network: Network, centre: torch.Tensor, context: torch.Tensor | None
+) -> torch.Tensor:
     """The losses of the paper for one batch: a class for each corner of the room, two objects in each."""
     semantic = (centre[:, 0] > 0) + 2 * (centre[:, 1] > 0)
     instance = 2 * semantic + (centre[:, 2] > 1.5)
     if isinstance(network, SGPN):
         features, logits, confidence = network.branches(centre)
         similarity = sgpn_double_hinge_loss(features, semantic, instance)
-        return classification_loss(logits, semantic) + similarity + sgpn_confidence_loss(confidence, features, instance)
+        return (
+            classification_loss(logits, semantic)
+            + similarity
+            + sgpn_confidence_loss(confidence, features, instance)
+        )
     embedding, logits = network(centre, context)
     loss = classification_loss(logits, semantic)
     return loss if embedding is None else loss + triplet_semihard_loss(embedding, instance)
@@ -58,7 +68,11 @@ def test_networks_give_what_they_claim(architecture):
     assert network.needs_context == (architecture == "mcpnet")
     assert network.batch_size == (256 if architecture.startswith("mcpnet") else 1024)
     assert logits.shape == (POINTS, 13)
-    assert (embedding is not None) == network.has_embedding == (architecture in {"mcpnet", "mcpnet-nocontext", "sgpn"})
+    assert (
+        (embedding is not None)
+        == network.has_embedding
+        == (architecture in {"mcpnet", "mcpnet-nocontext", "sgpn"})
+    )
     if embedding is not None:
         assert embedding.shape == (POINTS, 50)
         torch.testing.assert_close(embedding.norm(dim=1), torch.ones(POINTS))
@@ -211,9 +225,13 @@ def test_interpolation_returns_what_coarse_points_carry_at_their_place():
 
 def test_interpolation_weighs_by_inverse_squared_distance():
     coarse = torch.tensor([[[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]])
-    value = interpolate(torch.tensor([[[1.0, 0, 0]]]), coarse, torch.tensor([[[1.0], [2.0], [4.0]]]))
+    value = interpolate(
+        torch.tensor([[[1.0, 0, 0]]]), coarse, torch.tensor([[[1.0], [2.0], [4.0]]])
+    )
     weights = torch.tensor([1.0, 1 / 4, 1 / 17])
-    assert value.item() == pytest.approx(float((weights * torch.tensor([1.0, 2, 4])).sum() / weights.sum()), abs=1e-5)
+    assert value.item() == pytest.approx(
+        float((weights * torch.tensor([1.0, 2, 4])).sum() / weights.sum()), abs=1e-5
+    )
 
 
 def test_gathering_takes_rows_of_the_own_batch():
@@ -223,7 +241,9 @@ def test_gathering_takes_rows_of_the_own_batch():
 
 
 def test_voxnets_grid_truncates_and_clips():
-    points = torch.tensor([[[-2.0, -1.87, 0.19], [1.99, 5.0, 9.0], [-7.0, 0.0, -0.4], [-1.9, -1.9, 0.1]]])
+    points = torch.tensor(
+        [[[-2.0, -1.87, 0.19], [1.99, 5.0, 9.0], [-7.0, 0.0, -0.4], [-1.9, -1.9, 0.1]]]
+    )
     centre = torch.cat([points, torch.zeros(1, 4, 3)], dim=2)
     grid = occupancy(centre)
     assert grid.shape == (1, 1, 32, 32, 32)

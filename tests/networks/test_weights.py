@@ -29,9 +29,13 @@ BUNDLED = sorted(MODELS.glob("*.safetensors"))
 @pytest.mark.parametrize("architecture", get_args(Architecture))
 def test_weights_come_back_with_everything_they_say(tmp_path, architecture):
     info = WeightsInfo(
-        architecture=architecture, classes=S3DIS_CLASSES, context_window="coarse", num_context=20, notice="mind",
+        architecture=architecture,
+        classes=S3DIS_CLASSES,
+        context_window="coarse",
+        num_context=20,
+        notice="mind",
         training={"epochs": 3, "data": "rooms"},
-    )  # fmt: skip
+    )
     network = build_network(info)
     save_weights(tmp_path / "w.safetensors", network, info)
     loaded = load_weights(tmp_path / "w.safetensors")
@@ -45,7 +49,9 @@ def test_weights_come_back_with_everything_they_say(tmp_path, architecture):
 def test_the_hash_is_that_of_the_file(tmp_path, weights_path):
     import hashlib
 
-    assert load_weights(weights_path).sha256 == hashlib.sha256(weights_path.read_bytes()).hexdigest()
+    assert (
+        load_weights(weights_path).sha256 == hashlib.sha256(weights_path.read_bytes()).hexdigest()
+    )
 
 
 @pytest.mark.parametrize("architecture", get_args(Architecture))
@@ -93,7 +99,9 @@ def test_safetensors_of_another_program_are_refused(tmp_path):
 
 def test_an_unknown_architecture_is_named(tmp_path):
     description = {"architecture": "transformer", "classes": ["a", "b"]}
-    save_file({"a": torch.zeros(1)}, tmp_path / "w.safetensors", {"mcpseg": json.dumps(description)})
+    save_file(
+        {"a": torch.zeros(1)}, tmp_path / "w.safetensors", {"mcpseg": json.dumps(description)}
+    )
     with pytest.raises(WeightsError, match="architecture"):
         load_weights(tmp_path / "w.safetensors")
 
@@ -101,8 +109,12 @@ def test_an_unknown_architecture_is_named(tmp_path):
 @pytest.mark.parametrize("name", ["a,b", "a\nb", "a\x00"])
 def test_class_names_that_break_headers_of_clouds_are_refused(name, tmp_path):
     description = {"architecture": "voxnet", "classes": [name, "c"]}
-    save_file({"a": torch.zeros(1)}, tmp_path / "w.safetensors", {"mcpseg": json.dumps(description)})
-    with pytest.raises(WeightsError, match=r"classes: .*a class named 'a.*expected up to 254 names") as error:
+    save_file(
+        {"a": torch.zeros(1)}, tmp_path / "w.safetensors", {"mcpseg": json.dumps(description)}
+    )
+    with pytest.raises(
+        WeightsError, match=r"classes: .*a class named 'a.*expected up to 254 names"
+    ) as error:
         load_weights(tmp_path / "w.safetensors")
     assert "\n" not in str(error.value)
 
@@ -117,7 +129,9 @@ def test_bundled_weights_are_found_by_name_and_unknown_names_list_them():
 def test_bundled_weights_load_and_the_table_of_weights_tells_their_hash(path):
     weights = load_weights(path)
     assert weights.info.classes == S3DIS_CLASSES
-    row = next(line for line in (MODELS / "README.md").read_text().splitlines() if f"`{path.name}`" in line)
+    row = next(
+        line for line in (MODELS / "README.md").read_text().splitlines() if f"`{path.name}`" in line
+    )
     assert weights.sha256 in row
     assert weights.sha256 in path.with_suffix(".md").read_text()
 
@@ -131,7 +145,9 @@ def varint(value: int) -> bytes:
 
 
 def table_block(pairs: list[tuple[bytes, bytes]]) -> bytes:
-    body = b"".join(varint(0) + varint(len(key)) + varint(len(value)) + key + value for key, value in pairs)
+    body = b"".join(
+        varint(0) + varint(len(key)) + varint(len(value)) + key + value for key, value in pairs
+    )
     return body + struct.pack("<II", 0, 1)
 
 
@@ -140,7 +156,9 @@ def write_bundle(prefix, tensors: dict[str, np.ndarray]) -> None:
     data, entries = b"", [(b"", b"\x08\x01")]
     for name in sorted(tensors):
         array = tensors[name].astype("<f4")
-        dimensions = b"".join(b"\x12" + varint(len(varint(size)) + 1) + b"\x08" + varint(size) for size in array.shape)
+        dimensions = b"".join(
+            b"\x12" + varint(len(varint(size)) + 1) + b"\x08" + varint(size) for size in array.shape
+        )
         value = b"\x08\x01" + b"\x12" + varint(len(dimensions)) + dimensions
         value += b"\x20" + varint(len(data)) + b"\x28" + varint(array.nbytes)
         entries.append((name.encode(), value))
@@ -172,21 +190,29 @@ def mcpnet_tensors(*, context: bool) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("context", [True, False])
-def test_a_tensorflow_checkpoint_becomes_mcpnet_with_the_authors_classes_and_context(tmp_path, context):
+def test_a_tensorflow_checkpoint_becomes_mcpnet_with_the_authors_classes_and_context(
+    tmp_path, context
+):
     tensors = mcpnet_tensors(context=context)
     write_bundle(tmp_path / "model.ckpt", tensors)
     network, info = import_checkpoint(tmp_path / "model.ckpt")
     assert (info.classes, info.context_window) == (MCPNET_CLASSES, "coarse")
     assert info.architecture == ("mcpnet" if context else "mcpnet-nocontext")
-    np.testing.assert_allclose(network.embed.weight.detach().numpy(), tensors["kernel4"].T.astype(np.float32))
-    np.testing.assert_allclose(network.classify.bias.detach().numpy(), tensors["bias6"].astype(np.float32))
+    np.testing.assert_allclose(
+        network.embed.weight.detach().numpy(), tensors["kernel4"].T.astype(np.float32)
+    )
+    np.testing.assert_allclose(
+        network.classify.bias.detach().numpy(), tensors["bias6"].astype(np.float32)
+    )
 
 
 def voxnet_tensors() -> dict[str, np.ndarray]:
     rng = np.random.default_rng(0)
     shapes = {1: (5, 5, 5, 1, 32), 2: (3, 3, 3, 32, 32), 3: (38, 128), 4: (128, 13)}
     tensors = {f"kernel{number}": rng.normal(size=shape) for number, shape in shapes.items()}
-    return tensors | {f"bias{number}": rng.normal(size=shape[-1]) for number, shape in shapes.items()}
+    return tensors | {
+        f"bias{number}": rng.normal(size=shape[-1]) for number, shape in shapes.items()
+    }
 
 
 def test_a_voxnet_checkpoint_becomes_voxnet(tmp_path):
@@ -196,7 +222,9 @@ def test_a_voxnet_checkpoint_becomes_voxnet(tmp_path):
     assert (info.architecture, info.classes) == ("voxnet", MCPNET_CLASSES)
     kernel = network.convolve_2.weight.detach().numpy()  # (outputs, inputs, x, y, z)
     np.testing.assert_allclose(kernel[7, 3, 0, 1, 2], tensors["kernel2"][0, 1, 2, 3, 7], rtol=1e-6)
-    np.testing.assert_allclose(network.hidden.weight.detach().numpy(), tensors["kernel3"].T.astype(np.float32))
+    np.testing.assert_allclose(
+        network.hidden.weight.detach().numpy(), tensors["kernel3"].T.astype(np.float32)
+    )
 
 
 def test_a_voxnet_checkpoint_with_a_layer_missing_is_refused(tmp_path):

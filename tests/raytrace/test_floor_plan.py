@@ -12,21 +12,33 @@ from tests.worlds import HEIGHT, box, rectangle, room, three_rooms, wall
 
 def slow_floor_plan(xyz, cell_size, clearance_low, clearance_high):
     """Follow the paper's program with dictionaries: floors (a dict of heights) and free cells (a set)."""
-    cells = [tuple(cell) for cell in np.floor(xyz[:, :2].astype(float) / cell_size + 0.5).astype(int).tolist()]
+    cells = [
+        tuple(cell)
+        for cell in np.floor(xyz[:, :2].astype(float) / cell_size + 0.5).astype(int).tolist()
+    ]
     lowest = {}
     for cell, z in zip(cells, xyz[:, 2], strict=True):
         lowest[cell] = min(z, lowest.get(cell, z))
     near = list(product(range(-2, 3), repeat=2))
     beside = list(product(range(-1, 2), repeat=2))
     around = {cell: [(cell[0] + x, cell[1] + y) for x, y in near] for cell in lowest}
-    around |= {cell: [(cell[0] + x, cell[1] + y) for x, y in near] for places in around.values() for cell in places}
-    floor = {cell: min(lowest[other] for other in places if other in lowest) for cell, places in around.items()
-             if any(other in lowest for other in places)}  # fmt: skip
+    around |= {
+        cell: [(cell[0] + x, cell[1] + y) for x, y in near]
+        for places in around.values()
+        for cell in places
+    }
+    floor = {
+        cell: min(lowest[other] for other in places if other in lowest)
+        for cell, places in around.items()
+        if any(other in lowest for other in places)
+    }
     seen = {cell for cell in lowest if lowest[cell] <= floor[cell] + np.float32(clearance_low)}
     grown = {(x + dx, y + dy) for x, y in seen for dx, dy in beside}
     closed = {(x, y) for x, y in grown if all((x + dx, y + dy) in grown for dx, dy in beside)}
     low, high = np.float32(clearance_low), np.float32(clearance_high)
-    blocked = {cell for cell, z in zip(cells, xyz[:, 2], strict=True) if low < z - floor[cell] < high}
+    blocked = {
+        cell for cell, z in zip(cells, xyz[:, 2], strict=True) if low < z - floor[cell] < high
+    }
     return floor, without_bridges_to_nowhere(closed - blocked, seen)
 
 
@@ -35,7 +47,9 @@ def without_bridges_to_nowhere(free, seen):
     kept = free & seen
     edge = kept
     while edge:
-        edge = {(x + dx, y + dy) for x, y in edge for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))} & free - kept
+        edge = {
+            (x + dx, y + dy) for x, y in edge for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))
+        } & free - kept
         kept = kept | edge
     return kept
 
@@ -58,7 +72,9 @@ def test_the_plan_is_what_the_slow_program_finds(seed):
     assert free_cells(plan) == free
     assert 0 < len(free) < 0.9 * plan.free.size
     found = np.argwhere(np.isfinite(plan.floor))
-    assert [heights[tuple(cell)] for cell in (found + plan.low).tolist()] == plan.floor[tuple(found.T)].tolist()
+    assert [heights[tuple(cell)] for cell in (found + plan.low).tolist()] == plan.floor[
+        tuple(found.T)
+    ].tolist()
 
 
 def test_rooms_joined_by_a_doorway_are_one_region_and_a_closed_room_is_another():
@@ -94,7 +110,12 @@ def test_a_robot_with_a_radius_keeps_away_from_obstacles():
     [
         [[2.0, 2.0, -5.0]],
         [[2.0, 2.0, -0.5], [2.0, 2.0, -0.3], [2.2, 2.0, -0.5]],
-        [[x, y, z] for x in (5.0, 5.2, 5.4) for y in (2.0, 2.2, 2.4) for z in np.arange(-3, -0.3, 0.1)],
+        [
+            [x, y, z]
+            for x in (5.0, 5.2, 5.4)
+            for y in (2.0, 2.2, 2.4)
+            for z in np.arange(-3, -0.3, 0.1)
+        ],
     ],
     ids=["one", "some near the floor", "columns of them"],
 )
@@ -154,7 +175,9 @@ def test_a_step_of_thirty_centimetres_is_not_climbed_and_both_levels_are_floor()
 def test_a_sunken_hall_has_its_own_floor():
     hall, corridor = room((0, 0), (6, 4)) - [0, 0, 2.0], room((8, 0), (16, 4))
     plan = build_floor_plan(np.concatenate([hall, corridor]).astype(np.float32))
-    np.testing.assert_allclose(plan.floor_at(np.array([[3.0, 2.0], [14.0, 2.0]])), [-2.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(
+        plan.floor_at(np.array([[3.0, 2.0], [14.0, 2.0]])), [-2.0, 0.0], atol=1e-6
+    )
 
 
 def test_a_cell_and_its_centre_belong_together():
@@ -177,7 +200,9 @@ def test_a_point_a_thousand_kilometres_away_is_refused_in_one_line():
 
 def test_the_real_room_has_free_floor_at_its_height(shared_folder):
     folder = shared_folder / "real" / "s3dis_room" / "Area_1" / "conferenceRoom_1" / "Annotations"
-    xyz = np.concatenate([np.loadtxt(path, usecols=(0, 1, 2), dtype=np.float32) for path in folder.glob("*.txt")])
+    xyz = np.concatenate(
+        [np.loadtxt(path, usecols=(0, 1, 2), dtype=np.float32) for path in folder.glob("*.txt")]
+    )
     plan = build_floor_plan(xyz)
     assert np.count_nonzero(plan.region == 1) > 200
     assert np.ptp(plan.floor[plan.free]) < 0.15

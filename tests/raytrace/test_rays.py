@@ -52,7 +52,9 @@ def test_a_ray_ends_in_the_first_occupied_voxel_of_its_slow_twin(seed):
     hits = cast_rays(grid, origin, directions, 2.5)
     occupied = {tuple(voxel) for voxel in voxels.tolist()}
     for direction, hit in zip(directions, hits, strict=True):
-        first = reference.first_occupied(occupied, origin / VOXEL_SIZE + 0.5, direction, 2.5 / VOXEL_SIZE)
+        first = reference.first_occupied(
+            occupied, origin / VOXEL_SIZE + 0.5, direction, 2.5 / VOXEL_SIZE
+        )
         assert hit == (-1 if first is None else grid.voxel_ids(np.array([first], np.int32))[0])
 
 

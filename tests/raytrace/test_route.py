@@ -12,7 +12,12 @@ from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares, room_
 from mcpseg_cli.raytrace.floor_plan import build_floor_plan
 from mcpseg_cli.raytrace.occupancy import build_grid
 from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
-from mcpseg_cli.raytrace.route import _nearest_neighbours, plan_route, read_waypoints, visiting_order
+from mcpseg_cli.raytrace.route import (
+    _nearest_neighbours,
+    plan_route,
+    read_waypoints,
+    visiting_order,
+)
 from tests.worlds import building_of, offices, plan_of, random_plan, three_rooms
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -55,7 +60,12 @@ def test_the_robot_never_leaves_free_cells(seed):
     plan, _, route = random_route(seed)
     assert plan.region_at(route.positions[:, :2]).all()
     places = along(route.path)
-    for corner in ((1e-6, 1e-6), (1e-6, -1e-6), (-1e-6, 1e-6), (-1e-6, -1e-6)):  # the corner of a cell is in four
+    for corner in (
+        (1e-6, 1e-6),
+        (1e-6, -1e-6),
+        (-1e-6, 1e-6),
+        (-1e-6, -1e-6),
+    ):  # the corner of a cell is in four
         assert plan.region_at(places + corner).all()
 
 
@@ -63,10 +73,14 @@ def test_the_robot_never_leaves_free_cells(seed):
 @given(SEEDS)
 def test_every_waypoint_in_free_space_is_passed(seed):
     _, waypoints, route = random_route(seed)
-    apart = np.linalg.norm(waypoints[:, None] - np.concatenate([route.path, along(route.path)]), axis=2)
+    apart = np.linalg.norm(
+        waypoints[:, None] - np.concatenate([route.path, along(route.path)]), axis=2
+    )
     assert apart.min(axis=1).max() < 0.01
     assert len(route.skipped) == 0
-    assert {tuple(place) for place in route.waypoints.round(6)} == {tuple(place) for place in waypoints.round(6)}
+    assert {tuple(place) for place in route.waypoints.round(6)} == {
+        tuple(place) for place in waypoints.round(6)
+    }
 
 
 @settings(deadline=None, max_examples=25)
@@ -89,7 +103,9 @@ def test_the_way_between_two_waypoints_is_the_shortest():
 
 def test_a_straight_way_has_two_corners_and_evenly_spaced_scans():
     plan = plan_of(np.pad(np.ones((20, 3), bool), 1))
-    route = plan_route(plan, plan.centre_of(np.array([[1, 2], [11, 2]])), step=0.3, sensor_height=0.8)
+    route = plan_route(
+        plan, plan.centre_of(np.array([[1, 2], [11, 2]])), step=0.3, sensor_height=0.8
+    )
     assert len(route.path) == 2
     np.testing.assert_allclose(np.diff(route.positions[:, 0]), 0.3)
     assert len(route) == 7
@@ -100,7 +116,9 @@ def test_poses_face_where_the_robot_is_going():
     _, _, route = random_route(3)
     assert (route.poses[:, :3, 3] == route.positions).all()
     turns = route.poses[:, :3, :3]
-    np.testing.assert_allclose(turns @ turns.swapaxes(1, 2), np.tile(np.eye(3), (len(route), 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        turns @ turns.swapaxes(1, 2), np.tile(np.eye(3), (len(route), 1, 1)), atol=1e-12
+    )
     ahead = np.diff(route.positions, axis=0)
     straight = np.isclose(np.linalg.norm(ahead, axis=1), 0.2)
     assert straight.sum() > len(route) / 2
@@ -135,14 +153,21 @@ def test_waypoints_that_are_not_in_free_space_are_skipped_and_kept_apart():
 def test_no_waypoint_gives_an_empty_route():
     plan = build_floor_plan(three_rooms())
     route = plan_route(plan, np.array([[4.0, 0.6]]))
-    assert (len(route), route.length, route.poses.shape, route.scan_starts.tolist()) == (0, 0.0, (0, 4, 4), [0])
+    assert (len(route), route.length, route.poses.shape, route.scan_starts.tolist()) == (
+        0,
+        0.0,
+        (0, 4, 4),
+        [0],
+    )
 
 
 def test_regions_that_are_not_connected_are_driven_one_after_the_other():
     plan = build_floor_plan(three_rooms())
     route = plan_route(plan, np.array([[9.0, 1.0], [0.6, 0.6], [11.0, 3.0], [7.0, 3.0]]))
     assert route.regions.tolist() == [1, 2]
-    for number, start, end in zip(route.regions, route.scan_starts[:-1], route.scan_starts[1:], strict=True):
+    for number, start, end in zip(
+        route.regions, route.scan_starts[:-1], route.scan_starts[1:], strict=True
+    ):
         assert (plan.region_at(route.positions[start:end, :2]) == number).all()
     apart = np.diff(route.path_starts)
     assert apart.sum() == len(route.path)
@@ -235,7 +260,9 @@ def test_automatic_waypoints_are_free_the_same_for_any_number_of_threads_and_rep
     xyz = three_rooms()
     plan, grid, pattern = build_floor_plan(xyz), build_grid(xyz, 0.1), ScanPattern(5.0, 5.0)
     reports = []
-    waypoints = choose_waypoints(grid, plan, pattern, progress=lambda *report: reports.append(report))
+    waypoints = choose_waypoints(
+        grid, plan, pattern, progress=lambda *report: reports.append(report)
+    )
     assert (plan.region_at(waypoints) == 1).all()
     np.testing.assert_array_equal(choose_waypoints(grid, plan, pattern, num_threads=3), waypoints)
     assert reports == [(done, len(reports)) for done in range(1, len(reports) + 1)]
@@ -243,13 +270,19 @@ def test_automatic_waypoints_are_free_the_same_for_any_number_of_threads_and_rep
 
 def test_a_region_without_cells_has_no_waypoints():
     xyz = three_rooms()
-    assert choose_waypoints(build_grid(xyz, 0.1), build_floor_plan(xyz), ScanPattern(5, 5), region=99).shape == (0, 2)
+    assert choose_waypoints(
+        build_grid(xyz, 0.1), build_floor_plan(xyz), ScanPattern(5, 5), region=99
+    ).shape == (0, 2)
 
 
 def test_rooms_the_robot_does_not_get_into_are_named():
     building = building_of(three_rooms(), ("office_1", "office_2", "WC_1"), [4.0, 8.0])
     plan = build_floor_plan(building.xyz)
-    assert reached_shares(building, plan, np.array([1], np.int32)) == {"office_1": 1.0, "office_2": 1.0, "WC_1": 0.0}
+    assert reached_shares(building, plan, np.array([1], np.int32)) == {
+        "office_1": 1.0,
+        "office_2": 1.0,
+        "WC_1": 0.0,
+    }
     assert set(reached_shares(building, plan, np.array([1, 2], np.int32)).values()) == {1.0}
     assert set(reached_shares(building, plan, np.array([0], np.int32)).values()) == {0.0}
 
@@ -259,7 +292,9 @@ def test_a_cell_belongs_to_the_room_with_most_floor_points_in_it():
     plan = build_floor_plan(building.xyz)
     counts = {}
     cells = plan.cell_of(building.xyz[:, :2].astype(float))
-    for cell, z, number in zip(map(tuple, cells.tolist()), building.xyz[:, 2], building.room_of(), strict=True):
+    for cell, z, number in zip(
+        map(tuple, cells.tolist()), building.xyz[:, 2], building.room_of(), strict=True
+    ):
         if z <= plan.floor[cell] + np.float32(0.1):
             counts.setdefault(cell, [0, 0, 0])[number] += 1
     found = room_of_cells(building, plan)

@@ -42,4 +42,6 @@ def test_without_matplotlib_one_line_says_what_to_install(tmp_path, monkeypatch)
 def test_a_folder_that_is_not_there_is_named(tmp_path):
     plan = build_floor_plan(three_rooms())
     with pytest.raises(OSError, match="nowhere"):
-        plot_route(tmp_path / "nowhere" / "route.png", plan, plan_route(plan, np.array([[0.6, 0.6]])))
+        plot_route(
+            tmp_path / "nowhere" / "route.png", plan, plan_route(plan, np.array([[0.6, 0.6]]))
+        )

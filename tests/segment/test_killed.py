@@ -22,7 +22,16 @@ def recording(make_recording, tmp_path) -> tuple[Path, Path]:
 
 def command(recording, output: Path, weights_path: Path) -> list[str]:
     scans, poses = recording
-    arguments = ["segment", str(scans), str(poses), "-o", str(output), "-w", str(weights_path), "-q"]
+    arguments = [
+        "segment",
+        str(scans),
+        str(poses),
+        "-o",
+        str(output),
+        "-w",
+        str(weights_path),
+        "-q",
+    ]
     return [sys.executable, "-m", "mcpseg_cli", *arguments]
 
 
@@ -52,16 +61,26 @@ def kill_at_random(process: subprocess.Popen, output: Path, rng: random.Random) 
     return True
 
 
-def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(recording, tmp_path, weights_path):
-    subprocess.run(command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True)
+def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
+    recording, tmp_path, weights_path
+):
+    subprocess.run(
+        command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True
+    )
     rng, kills, advanced = random.Random(0), 0, 0
     while kills < _KILLS:
         before = num_events(tmp_path / "out")
-        process = subprocess.Popen(command(recording, tmp_path / "out", weights_path), stdout=subprocess.DEVNULL)
-        assert kill_at_random(process, tmp_path / "out", rng), f"finished after {kills} kills: too few scans"
+        process = subprocess.Popen(
+            command(recording, tmp_path / "out", weights_path), stdout=subprocess.DEVNULL
+        )
+        assert kill_at_random(process, tmp_path / "out", rng), (
+            f"finished after {kills} kills: too few scans"
+        )
         kills += 1
         advanced += num_events(tmp_path / "out") > before
-    last = subprocess.run(command(recording, tmp_path / "out", weights_path), check=True, capture_output=True)
+    last = subprocess.run(
+        command(recording, tmp_path / "out", weights_path), check=True, capture_output=True
+    )
     assert last.returncode == 0
     assert advanced >= _KILLS // 2
     assert len(json.loads((tmp_path / "out/objects.json").read_text())) > 0
@@ -74,26 +93,38 @@ def test_a_full_disk_ends_with_one_line_and_resumes_after_space_is_made(
     make_recording, tmp_path, weights_path, limit_kb
 ):
     recording = make_recording(tmp_path / "input", num_scans=40)
-    subprocess.run(command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True)
+    subprocess.run(
+        command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True
+    )
 
     def limit_file_size() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit_kb * 1024, limit_kb * 1024))
 
     full = subprocess.run(
-        command(recording, tmp_path / "out", weights_path), preexec_fn=limit_file_size, capture_output=True, text=True
+        command(recording, tmp_path / "out", weights_path),
+        preexec_fn=limit_file_size,
+        capture_output=True,
+        text=True,
     )
     assert full.returncode == 1
     assert len(full.stderr.splitlines()) == 1
     assert "Traceback" not in full.stderr
     assert str(tmp_path / "out") in full.stderr
     assert num_events(tmp_path / "out") < 40
-    subprocess.run(command(recording, tmp_path / "out", weights_path), check=True, capture_output=True)
+    subprocess.run(
+        command(recording, tmp_path / "out", weights_path), check=True, capture_output=True
+    )
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
 
 
-def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(recording, tmp_path, weights_path):
+def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(
+    recording, tmp_path, weights_path
+):
     process = subprocess.Popen(
-        command(recording, tmp_path / "out", weights_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command(recording, tmp_path / "out", weights_path),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     while num_events(tmp_path / "out") < 5 and process.poll() is None:
         time.sleep(0.005)
@@ -102,6 +133,8 @@ def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(record
     done = num_events(tmp_path / "out")
     assert process.returncode == 130
     assert 5 <= done < _NUM_SCANS
-    assert f"interrupted after {done} of {_NUM_SCANS} scans; continue with: mcpseg segment" in stderr
+    assert (
+        f"interrupted after {done} of {_NUM_SCANS} scans; continue with: mcpseg segment" in stderr
+    )
     assert len(list((tmp_path / "out/scans").iterdir())) == done
     assert (tmp_path / "out/objects.json").exists()

@@ -14,7 +14,11 @@ from mcpseg_cli.segment.labelled_run import LabelledRun
 
 
 def contents(folder):
-    return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir() if path.is_file()}
+    return {
+        path.name: (path.read_bytes(), path.stat().st_mtime_ns)
+        for path in folder.iterdir()
+        if path.is_file()
+    }
 
 
 def test_it_holds_what_map_ply_holds(labelled_run):
@@ -74,7 +78,9 @@ def test_a_run_that_is_being_written_is_read_without_touching_it(labelled_run, t
     out = tmp_path / "out"
     shutil.copytree(labelled_run.out, out)
     with State(out / "state.sqlite") as state:  # holds the lock, as segment does
-        state._db.execute("UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'")  # lies in the log only
+        state._db.execute(
+            "UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'"
+        )  # lies in the log only
         before = contents(out)
         assert before["state.sqlite-wal"][0]
         with LabelledRun(out) as run:
@@ -111,7 +117,9 @@ def test_a_log_that_never_rests_is_one_line(labelled_run, monkeypatch):
         LabelledRun(labelled_run.out)
 
 
-def test_no_room_for_the_copy_is_one_line_about_the_folder_of_temporary_files(labelled_run, monkeypatch):
+def test_no_room_for_the_copy_is_one_line_about_the_folder_of_temporary_files(
+    labelled_run, monkeypatch
+):
     def fail(source, target):
         raise OSError(28, "No space left on device", str(source))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.segment.checkpoint import MapRows
+from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.map_ply import LabelledMap
 
 CLASSES = ("floor", "wall")
@@ -27,7 +27,9 @@ def test_the_file_opens_after_every_update_with_the_rows_so_far(tmp_path, counts
     rows = rows_of(counts[-1])
     with LabelledMap(tmp_path / "map.ply", CLASSES) as labelled:
         for count in counts:
-            so_far = MapRows(*(getattr(rows, name)[:count] for name in MapRows.__dataclass_fields__))
+            so_far = MapRows(
+                *(getattr(rows, name)[:count] for name in MapRows.__dataclass_fields__)
+            )
             labelled.update(so_far, np.empty(0, np.int32))
             cloud = read_cloud(tmp_path / "map.ply")
             assert len(cloud) == count
@@ -44,7 +46,10 @@ def test_changed_vertices_are_patched_and_the_rest_is_left_alone(tmp_path):
         mixed = before.instance.copy()
         mixed[changed] = after.instance[changed]
         labelled.update(
-            MapRows(before.xyz, before.rgb, before.semantic, before.confidence, mixed, before.embedding), changed
+            MapRows(
+                before.xyz, before.rgb, before.semantic, before.confidence, mixed, before.embedding
+            ),
+            changed,
         )
     np.testing.assert_array_equal(read_cloud(tmp_path / "map.ply").label("instance"), mixed)
 
@@ -56,7 +61,9 @@ def test_an_update_writes_only_what_changed(tmp_path, monkeypatch):
     with LabelledMap(tmp_path / "map.ply", CLASSES) as labelled:
         labelled.update(rows, np.empty(0, np.int32))
         monkeypatch.setattr(
-            LabelledMap, "_write", lambda self, offset, data: (written.append(len(data)), original(self, offset, data))
+            LabelledMap,
+            "_write",
+            lambda self, offset, data: (written.append(len(data)), original(self, offset, data)),
         )
         labelled.update(rows, np.array([5, 99_000], np.int32))
     assert sum(written) < 100

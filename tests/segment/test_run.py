@@ -16,9 +16,9 @@ from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.segment import run as segment_run
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.folder import clear_run
+from mcpseg_cli.segment.folder import RunOptions, clear_run
 from mcpseg_cli.segment.map_ply import LabelledMap
-from mcpseg_cli.segment.run import RunOptions, SegmentRun
+from mcpseg_cli.segment.run import SegmentRun
 
 
 class Interrupted(BaseException):
@@ -30,10 +30,14 @@ def recording(make_recording, tmp_path) -> tuple[Path, Path]:
     return make_recording(tmp_path / "input", num_scans=5)
 
 
-def run_all(recording, output: Path, weights_path: Path, *, stop_after=None, settings=None, options=None) -> SegmentRun:
+def run_all(
+    recording, output: Path, weights_path: Path, *, stop_after=None, settings=None, options=None
+) -> SegmentRun:
     weights = load_weights(weights_path)
     segmenter = IncrementalSegmenter(weights, settings, precision="fp32")
-    with SegmentRun(open_recording(*recording), output, weights, segmenter, options or RunOptions()) as run:
+    with SegmentRun(
+        open_recording(*recording), output, weights, segmenter, options or RunOptions()
+    ) as run:
         for done, _ in enumerate(run.run(), start=1):
             if done == stop_after:
                 break
@@ -59,7 +63,9 @@ def test_a_run_writes_every_output(recording, tmp_path, weights_path):
     assert len(list((tmp_path / "out/scans").iterdir())) == 5
 
 
-def test_the_map_is_one_labelled_point_per_voxel_with_its_class_table(recording, tmp_path, weights_path):
+def test_the_map_is_one_labelled_point_per_voxel_with_its_class_table(
+    recording, tmp_path, weights_path
+):
     run = run_all(recording, tmp_path / "out", weights_path)
     cloud = read_cloud(tmp_path / "out/map.ply")
     assert len(cloud) == len(run.segmenter.map)
@@ -82,8 +88,12 @@ def test_a_labelled_scan_has_every_input_point_in_order_with_the_labels_of_its_v
     voxels = run.segmenter.map.find(after.xyz)
     reached = after.label("semantic") != 255
     assert reached.any()
-    np.testing.assert_array_equal(after.label("semantic")[reached], run.segmenter.semantic[voxels[reached]])
-    np.testing.assert_array_equal(after.label("instance")[reached], run.segmenter.clusters.instance[voxels[reached]])
+    np.testing.assert_array_equal(
+        after.label("semantic")[reached], run.segmenter.semantic[voxels[reached]]
+    )
+    np.testing.assert_array_equal(
+        after.label("instance")[reached], run.segmenter.clusters.instance[voxels[reached]]
+    )
 
 
 def test_points_out_of_range_carry_no_label(recording, tmp_path, weights_path):
@@ -107,13 +117,27 @@ def test_events_tell_counts_merges_and_times_of_every_scan(recording, tmp_path, 
     run = run_all(recording, tmp_path / "out", weights_path)
     events = events_of(tmp_path / "out")
     assert [event["scan"] for event in events] == [0, 1, 2, 3, 4]
-    assert sum(event["voxels_new"] for event in events) == events[-1]["voxels"] == len(run.segmenter.map)
+    assert (
+        sum(event["voxels_new"] for event in events)
+        == events[-1]["voxels"]
+        == len(run.segmenter.map)
+    )
     assert events[-1]["objects"] == run.segmenter.clusters.num_objects
-    assert set(events[0]["ms"]) == {"read", "insert", "floor", "network", "cluster", "commit", "write"}
+    assert set(events[0]["ms"]) == {
+        "read",
+        "insert",
+        "floor",
+        "network",
+        "cluster",
+        "commit",
+        "write",
+    }
 
 
 @pytest.mark.parametrize("stop_after", [1, 3, 4])
-def test_a_resumed_run_equals_an_uninterrupted_one_byte_for_byte(recording, tmp_path, weights_path, stop_after):
+def test_a_resumed_run_equals_an_uninterrupted_one_byte_for_byte(
+    recording, tmp_path, weights_path, stop_after
+):
     run_all(recording, tmp_path / "whole", weights_path)
     run_all(recording, tmp_path / "parts", weights_path, stop_after=stop_after)
     resumed = run_all(recording, tmp_path / "parts", weights_path)
@@ -129,7 +153,9 @@ def test_a_resumed_run_equals_an_uninterrupted_one_byte_for_byte(recording, tmp_
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("moment", ["before", "after"])
-def test_dying_around_any_step_loses_nothing(recording, tmp_path, weights_path, monkeypatch, owner, name, moment):
+def test_dying_around_any_step_loses_nothing(
+    recording, tmp_path, weights_path, monkeypatch, owner, name, moment
+):
     run_all(recording, tmp_path / "whole", weights_path)
     original, calls = getattr(owner, name), []
 
@@ -173,7 +199,9 @@ def test_a_damaged_map_is_mended_on_resume(recording, tmp_path, weights_path):
     assert path.read_bytes() == before
 
 
-def test_scans_added_later_are_labelled_as_if_they_had_been_there(make_recording, tmp_path, weights_path):
+def test_scans_added_later_are_labelled_as_if_they_had_been_there(
+    make_recording, tmp_path, weights_path
+):
     whole = make_recording(tmp_path / "input", num_scans=5)
     early, late = tmp_path / "early", whole[0]
     early.mkdir()
@@ -190,7 +218,9 @@ def test_scans_added_later_are_labelled_as_if_they_had_been_there(make_recording
 def test_changed_settings_are_refused_by_name(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path, stop_after=2)
     with pytest.raises(StateError, match=r"--range 2\.0, now 1\.5"):
-        run_all(recording, tmp_path / "out", weights_path, settings=SegmentSettings(local_range=1.5))
+        run_all(
+            recording, tmp_path / "out", weights_path, settings=SegmentSettings(local_range=1.5)
+        )
 
 
 def test_other_weights_are_refused(recording, tmp_path, weights_path):
@@ -248,13 +278,19 @@ def test_a_consumed_scan_that_is_gone_is_refused(recording, tmp_path, weights_pa
 def test_a_second_writer_is_refused_while_the_first_runs(recording, tmp_path, weights_path):
     weights = load_weights(weights_path)
     sources = open_recording(*recording)
-    with SegmentRun(sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()) as run:
+    with SegmentRun(
+        sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
+    ) as run:
         next(iter(run.run()))
         with pytest.raises(StateError, match="in use by another mcpseg"):
-            SegmentRun(sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions())
+            SegmentRun(
+                sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
+            )
         with pytest.raises(StateError, match="in use"):
             clear_run(tmp_path / "out", sources)
-    with SegmentRun(sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()) as run:
+    with SegmentRun(
+        sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
+    ) as run:
         assert len(run.records) == 1
 
 
@@ -304,7 +340,9 @@ def test_clearing_a_run_leaves_other_files_alone(recording, tmp_path, weights_pa
     assert [path.name for path in (tmp_path / "out/scans").iterdir()] == ["mine.ply"]
 
 
-def test_scans_of_another_data_set_under_the_same_names_are_never_touched(recording, tmp_path, weights_path):
+def test_scans_of_another_data_set_under_the_same_names_are_never_touched(
+    recording, tmp_path, weights_path
+):
     (tmp_path / "other/scans").mkdir(parents=True)
     (tmp_path / "other/scans/000000.ply").write_text("keep")
     clear_run(tmp_path / "other", open_recording(*recording))
@@ -325,13 +363,17 @@ def test_a_skipped_scan_is_recorded_and_stays_skipped(recording, tmp_path, weigh
 
 @pytest.mark.parametrize("suffix", ["ply", "npz", "pcd", "las", "laz"])
 def test_labelled_scans_can_be_written_in_any_format(recording, tmp_path, weights_path, suffix):
-    run_all(recording, tmp_path / "out", weights_path, stop_after=1, options=RunOptions(format=suffix))
+    run_all(
+        recording, tmp_path / "out", weights_path, stop_after=1, options=RunOptions(format=suffix)
+    )
     cloud = read_cloud(tmp_path / f"out/scans/000000.{suffix}")
     assert len(cloud) == 800
     assert cloud.label("semantic") is not None
 
 
-def test_the_same_seed_gives_the_same_map_and_another_seed_another(recording, tmp_path, weights_path):
+def test_the_same_seed_gives_the_same_map_and_another_seed_another(
+    recording, tmp_path, weights_path
+):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         run_all(recording, tmp_path / name, weights_path, settings=SegmentSettings(seed=seed))
     assert outputs_of(tmp_path / "a") == outputs_of(tmp_path / "b")
@@ -360,10 +402,14 @@ def test_a_scan_that_adds_a_single_voxel_is_labelled(recording, tmp_path, weight
     assert events_of(tmp_path / "out")[1]["voxels_new"] == 1
 
 
-def test_a_scan_whose_labelled_copy_cannot_be_written_is_not_committed(recording, tmp_path, weights_path):
+def test_a_scan_whose_labelled_copy_cannot_be_written_is_not_committed(
+    recording, tmp_path, weights_path
+):
     columns = read_cloud(recording[0] / "000002.ply").columns
     np.savez(
-        recording[0] / "000002.npz", xyz=np.column_stack([columns[axis] for axis in "xyz"]), when=np.full(800, "noon")
+        recording[0] / "000002.npz",
+        xyz=np.column_stack([columns[axis] for axis in "xyz"]),
+        when=np.full(800, "noon"),
     )
     (recording[0] / "000002.ply").unlink()
     with pytest.raises(OutputError, match=r"000002\.ply: attribute when"):
@@ -374,10 +420,16 @@ def test_a_scan_whose_labelled_copy_cannot_be_written_is_not_committed(recording
     assert (run.resumed_from, len(run.records)) == (2, 5)
 
 
-def test_objects_are_not_written_from_a_scan_that_was_not_committed(recording, tmp_path, weights_path, monkeypatch):
+def test_objects_are_not_written_from_a_scan_that_was_not_committed(
+    recording, tmp_path, weights_path, monkeypatch
+):
     weights = load_weights(weights_path)
     with SegmentRun(
-        open_recording(*recording), tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
+        open_recording(*recording),
+        tmp_path / "out",
+        weights,
+        IncrementalSegmenter(weights),
+        RunOptions(),
     ) as run:
         scans = run.run()
         next(scans)
@@ -400,7 +452,9 @@ def test_a_damaged_events_file_is_rebuilt(recording, tmp_path, weights_path, gar
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_results_beside_an_emptied_checkpoint_are_not_replaced(recording, tmp_path, weights_path, size):
+def test_results_beside_an_emptied_checkpoint_are_not_replaced(
+    recording, tmp_path, weights_path, size
+):
     run_all(recording, tmp_path / "out", weights_path)
     os.truncate(tmp_path / "out/state.sqlite", size)
     before = (tmp_path / "out/map.ply").read_bytes()

@@ -28,7 +28,10 @@ def test_rooms_come_in_natural_order_with_objects_numbered_as_their_files(buildi
     assert list(building.object_names) == sorted(building.object_names, key=natural_key)
     assert building.instance.min() == 1
     assert building.instance.max() == len(building.object_names)
-    names = [building.object_names[number - 1].split("/")[1].rsplit("_", 1)[0] for number in building.instance[::5000]]
+    names = [
+        building.object_names[number - 1].split("/")[1].rsplit("_", 1)[0]
+        for number in building.instance[::5000]
+    ]
     assert names == [S3DIS_CLASSES[number] for number in building.semantic[::5000]]
 
 
@@ -49,7 +52,10 @@ def test_points_stay_in_their_rooms(building):
 
 def test_most_classes_occur(building):
     counts = building.class_counts()
-    assert all(counts[name] for name in ("ceiling", "floor", "wall", "window", "door", "table", "chair", "clutter"))
+    assert all(
+        counts[name]
+        for name in ("ceiling", "floor", "wall", "window", "door", "table", "chair", "clutter")
+    )
     assert counts["wall"] > counts["floor"] > counts["door"]
 
 
@@ -66,11 +72,17 @@ def test_processes_make_the_same_points():
     shared = list(make_area(1, 3, num_rooms=2, spacing=0.08, jobs=2))
     assert [room.object_names for room in alone] == [room.object_names for room in shared]
     for first, second in zip(alone, shared, strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(first.xyz + first.rgb, second.xyz + second.rgb, strict=True))
+        assert all(
+            np.array_equal(a, b)
+            for a, b in zip(first.xyz + first.rgb, second.xyz + second.rgb, strict=True)
+        )
 
 
 def test_half_the_spacing_gives_four_times_the_points():
-    coarse, fine = (len(make_building(1, 1, num_rooms=2, spacing=spacing, style=STYLES[4])) for spacing in (0.12, 0.06))
+    coarse, fine = (
+        len(make_building(1, 1, num_rooms=2, spacing=spacing, style=STYLES[4]))
+        for spacing in (0.12, 0.06)
+    )
     assert 3.3 < fine / coarse < 4.7
 
 
@@ -79,8 +91,14 @@ def test_what_is_hidden_is_not_scanned():
     style = STYLES[0]
     room = next(room for room in plan_area(style, 8, rng) if room.kind == "office")
     x, y = (room.low + room.high) / 2
-    inside = Item("chair", (part_of(box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5)), paint((90, 90, 90), rng)),))
-    around = Item("table", (part_of(box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9)), paint((90, 90, 90), rng)),))
+    inside = Item(
+        "chair",
+        (part_of(box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5)), paint((90, 90, 90), rng)),),
+    )
+    around = Item(
+        "table",
+        (part_of(box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9)), paint((90, 90, 90), rng)),),
+    )
     items = [*build_shell(room, style, rng), inside, around]
     scan = scan_room(items, room, style, 0.04, rng)
     assert (scan.item == len(items) - 1).sum() > 300

@@ -20,12 +20,26 @@ from mcpseg_cli.synth.things.clutter import CLUTTER_KINDS
 from tests.synth.test_things import STYLE
 
 SIZES = {
-    "hallway": (2.3, 15.0), "office": (4.0, 5.0), "conferenceRoom": (5.0, 7.0), "lounge": (5.5, 6.0),
-    "storage": (3.0, 4.0), "openspace": (9.0, 11.0), "lobby": (6.0, 8.0), "pantry": (4.0, 5.0), "copyRoom": (3.0, 4.0),
-    "WC": (3.4, 4.5), "livingRoom": (4.2, 5.2), "diningRoom": (3.4, 4.0), "kitchen": (3.0, 3.8), "bedroom": (3.4, 4.2),
-    "study": (2.8, 3.6), "bathroom": (2.4, 3.2),
-}  # fmt: skip
-CASES = [(kind, seed) for kind in SIZES for seed in (0, 1)] + [("office", seed) for seed in range(2, 7)]
+    "hallway": (2.3, 15.0),
+    "office": (4.0, 5.0),
+    "conferenceRoom": (5.0, 7.0),
+    "lounge": (5.5, 6.0),
+    "storage": (3.0, 4.0),
+    "openspace": (9.0, 11.0),
+    "lobby": (6.0, 8.0),
+    "pantry": (4.0, 5.0),
+    "copyRoom": (3.0, 4.0),
+    "WC": (3.4, 4.5),
+    "livingRoom": (4.2, 5.2),
+    "diningRoom": (3.4, 4.0),
+    "kitchen": (3.0, 3.8),
+    "bedroom": (3.4, 4.2),
+    "study": (2.8, 3.6),
+    "bathroom": (2.4, 3.2),
+}
+CASES = [(kind, seed) for kind in SIZES for seed in (0, 1)] + [
+    ("office", seed) for seed in range(2, 7)
+]
 
 
 def make_room(kind, seed):
@@ -39,7 +53,9 @@ def make_room(kind, seed):
     openings = [Opening("door", side, start, start + 0.9, 0.0, 2.1)]
     sill = rng.choice([0.4, 0.9])
     corners = np.arange(0.4, size[side % 2] - 1.5, 2.0) + low[side % 2]
-    openings += [Opening("window", (side + 2) % 4, corner, corner + 1.4, sill, 2.2) for corner in corners]
+    openings += [
+        Opening("window", (side + 2) % 4, corner, corner + 1.4, sill, 2.2) for corner in corners
+    ]
     taken = []
     if rng.random() < 0.4:
         spot = low + size * rng.uniform(0.3, 0.7, 2)
@@ -145,8 +161,12 @@ def test_boards_and_bookcases_do_not_cover_windows(kind, seed):
         for item in (item for item in items if item.name in ("board", "bookcase")):
             cloud = points_on(np.concatenate([part.triangles for part in item.parts]))
             before = np.abs(cloud[:, axis] - wall) < 0.09
-            before &= (cloud[:, 1 - axis] > opening.start + 0.01) & (cloud[:, 1 - axis] < opening.end - 0.01)
-            assert not (before & (cloud[:, 2] > opening.low + 0.01) & (cloud[:, 2] < opening.high - 0.01)).any()
+            before &= (cloud[:, 1 - axis] > opening.start + 0.01) & (
+                cloud[:, 1 - axis] < opening.end - 0.01
+            )
+            assert not (
+                before & (cloud[:, 2] > opening.low + 0.01) & (cloud[:, 2] < opening.high - 0.01)
+            ).any()
 
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
@@ -155,7 +175,9 @@ def test_a_robot_gets_from_the_door_to_nearly_all_free_floor(kind, seed):
     shape = np.floor((room.high - room.low) / 0.05).astype(int)
     blocked = np.zeros(tuple(shape + 2), bool)
     blocked[[0, -1]] = blocked[:, [0, -1]] = True
-    triangles = np.concatenate([part.triangles for item in items for part in item.parts if item.name != "floor"])
+    triangles = np.concatenate(
+        [part.triangles for item in items for part in item.parts if item.name != "floor"]
+    )
     cloud = points_on(triangles)
     boxes = [box for box in room.taken if box[1, 2] > room.ceiling - 0.1]
     cells = ((cloud[cloud[:, 2] < 1.5][:, :2] - room.low) / 0.05).astype(int) + 1
@@ -164,7 +186,9 @@ def test_a_robot_gets_from_the_door_to_nearly_all_free_floor(kind, seed):
     for box in boxes:
         low, high = ((box[:, :2] - room.low) / 0.05).astype(int) + 1
         blocked[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
-    free = ndimage.distance_transform_edt(~blocked) * 0.05 > 0.21  # less than the robot's 0.26 m by a cell
+    free = (
+        ndimage.distance_transform_edt(~blocked) * 0.05 > 0.21
+    )  # less than the robot's 0.26 m by a cell
     labels, _ = ndimage.label(free)
     door = room.openings[0]
     axis = 1 - door.side % 2
@@ -183,7 +207,9 @@ def test_an_open_leaf_is_in_the_robots_way():
         FloorSpace(Room("office_1", "office", low, low + 4.0, 2.6, (opening,), ()))
         for opening in (door, replace(door, leaf_deg=-1.0))
     )
-    assert not ajar.free[8:12, 6].any()  # beside the leaf, which stands at x = 1.05 and reaches to y = 0.86
+    assert not ajar.free[
+        8:12, 6
+    ].any()  # beside the leaf, which stands at x = 1.05 and reaches to y = 0.86
     assert bare.free[8:12, 6].all()
 
 
@@ -215,10 +241,20 @@ def test_whatever_a_room_may_hold_is_in_the_catalogue():
     assert len(asked) > 30
     assert {kind for _, kind in asked} <= set(CLUTTER_KINDS)
     assert {kind for caller, kind in asked if caller == "wall_clutter"} <= set(dressing._ON_WALLS)
-    groups = (dressing._ON_DESKS, dressing._ON_CABINETS, dressing._ON_FLOOR, dressing._ON_SILLS, dressing._OFFICE_WALLS)
+    groups = (
+        dressing._ON_DESKS,
+        dressing._ON_CABINETS,
+        dressing._ON_FLOOR,
+        dressing._ON_SILLS,
+        dressing._OFFICE_WALLS,
+    )
     assert {kind for group in groups for kind in group} <= set(CLUTTER_KINDS)
     assert set(work_rooms._CABINETS_AND_SUCH) <= set(CLUTTER_KINDS)
-    homes = (living_rooms.ON_FURNITURE, living_rooms._ON_COFFEE_TABLES, living_rooms._ON_DINING_TABLES)
+    homes = (
+        living_rooms.ON_FURNITURE,
+        living_rooms._ON_COFFEE_TABLES,
+        living_rooms._ON_DINING_TABLES,
+    )
     homes += (living_rooms._ON_HOME_FLOORS, living_rooms._ON_HOME_WALLS, private_rooms._ON_COUNTERS)
     assert {kind for group in homes for kind in group} <= set(CLUTTER_KINDS)
     assert set(living_rooms._ON_HOME_WALLS) <= set(dressing._ON_WALLS)
@@ -267,14 +303,20 @@ def test_a_tiny_room_stays_empty_rather_than_failing():
 @pytest.mark.parametrize("seed", range(30))
 def test_collisions_agree_with_points_in_boxes(seed):
     rng = np.random.default_rng(seed)
-    there, new = upright(np.zeros(3), rng.uniform(0.2, 1, 3)), upright(np.zeros(3), rng.uniform(0.2, 1, 3))
+    there, new = (
+        upright(np.zeros(3), rng.uniform(0.2, 1, 3)),
+        upright(np.zeros(3), rng.uniform(0.2, 1, 3)),
+    )
     yaw = rng.uniform(0, 6.28)
     new[:, :2], new[:, 2:4] = rng.uniform(-0.8, 0.8, 2), (np.cos(yaw), np.sin(yaw))
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 60)] * 2), axis=-1).reshape(-1, 2)
     own = grid * new[0, 4:6]
     xy = new[0, :2] + own[:, :1] * new[0, 2:4] + own[:, 1:] * [-new[0, 3], new[0, 2]]
     meets = (np.abs(xy - there[0, :2]) < there[0, 4:6]).all(axis=1).any()
-    exact, lenient = Collisions(slack=0.0), Collisions(slack=0.03)  # the points are up to 3 cm apart
+    exact, lenient = (
+        Collisions(slack=0.0),
+        Collisions(slack=0.03),
+    )  # the points are up to 3 cm apart
     exact.add(there)
     lenient.add(there)
     assert exact.meets(new) >= meets

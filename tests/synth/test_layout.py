@@ -15,7 +15,10 @@ from mcpseg_cli.synth.surfaces.catalogue import STYLES, style_of
 def plans():
     counts = [16, 8, 24, 12, 44, 16, 16] * 2
     pairs = enumerate(zip(STYLES * 2, counts, strict=True))
-    return [(style, plan_area(style, count, np.random.default_rng(seed))) for seed, (style, count) in pairs]
+    return [
+        (style, plan_area(style, count, np.random.default_rng(seed)))
+        for seed, (style, count) in pairs
+    ]
 
 
 PLANS = plans()
@@ -65,7 +68,11 @@ def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
     for seed in range(50):
         rng = np.random.default_rng([seed, number])
         rooms = plan_area(style_of(number, rng), 16, rng)
-        wanted = {i for i, room in enumerate(rooms) if room.kind == "hallway" or any(map(is_open, room.openings))}
+        wanted = {
+            i
+            for i, room in enumerate(rooms)
+            if room.kind == "hallway" or any(map(is_open, room.openings))
+        }
         links = list(neighbours(rooms))
         reached = {min(wanted)}
         for _ in rooms:
@@ -74,11 +81,17 @@ def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
 
 
 def is_open(opening):
-    return opening.kind == "passage" or (opening.kind == "door" and not opening.is_dummy and opening.leaf_deg != 0)
+    return opening.kind == "passage" or (
+        opening.kind == "door" and not opening.is_dummy and opening.leaf_deg != 0
+    )
 
 
 def test_corridors_that_do_not_meet_are_told_from_those_that_do():
-    boxes = [(0.0, 0.0, 4.0, 2.0), (4.1, 0.0, 8.0, 2.0), (3.0, 2.12, 5.0, 6.0)]  # the leg shares 1 m with each
+    boxes = [
+        (0.0, 0.0, 4.0, 2.0),
+        (4.1, 0.0, 8.0, 2.0),
+        (3.0, 2.12, 5.0, 6.0),
+    ]  # the leg shares 1 m with each
     rng = np.random.default_rng(0)
     assert not layout._join([layout.Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
     assert layout._join([layout.Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
@@ -86,7 +99,9 @@ def test_corridors_that_do_not_meet_are_told_from_those_that_do():
 
 def test_a_plan_that_cannot_be_drawn_is_refused_in_one_line(monkeypatch):
     monkeypatch.setattr(layout, "_join", lambda *_: False)
-    with pytest.raises(InputError, match="expected rooms that fit along corridors; try another") as caught:
+    with pytest.raises(
+        InputError, match="expected rooms that fit along corridors; try another"
+    ) as caught:
         plan_area(STYLES[0], 8, np.random.default_rng(0))
     assert "\n" not in str(caught.value)
 
@@ -95,7 +110,9 @@ def test_corridors_of_a_building_share_one_kind_of_ceiling_and_tiles_hide_ducts(
     for _, rooms in PLANS:
         assert len({room.ceiling_kind for room in rooms if room.kind == "hallway"}) == 1
         for room in rooms:
-            assert room.ceiling_kind != "acoustic" or not any(f.kind in ("duct", "pipe") for f in room.fixtures)
+            assert room.ceiling_kind != "acoustic" or not any(
+                f.kind in ("duct", "pipe") for f in room.fixtures
+            )
 
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
@@ -132,7 +149,9 @@ def test_open_leaves_stay_inside_their_room(style, rooms):
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
 def test_columns_and_shafts_keep_off_openings_and_each_other(style, rooms):
     for room in rooms:
-        standing = [f for f in room.fixtures if f.kind in ("column", "round column", "shaft", "radiator")]
+        standing = [
+            f for f in room.fixtures if f.kind in ("column", "round column", "shaft", "radiator")
+        ]
         for i, first in enumerate(standing):
             for second in standing[:i]:
                 assert (first.low >= second.high).any() or (first.high <= second.low).any()
@@ -150,7 +169,9 @@ def test_styles_come_in_turn_and_differ_from_area_eight_on():
     names = [style_of(number, np.random.default_rng(0)).name for number in range(1, 14)]
     assert names[:7] == [style.name for style in STYLES]
     assert names[7:] == [*names[1:6], names[0]]  # no homes among the crosses
-    assert style_of(8, np.random.default_rng(3)).walls != style_of(2, np.random.default_rng(3)).walls
+    assert (
+        style_of(8, np.random.default_rng(3)).walls != style_of(2, np.random.default_rng(3)).walls
+    )
 
 
 def test_homes_have_the_rooms_of_homes_and_offices_have_none_of_them():

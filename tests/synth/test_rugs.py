@@ -26,7 +26,9 @@ def test_floor_and_rugs_cover_the_room_once(seed):
     triangles = np.concatenate([part.triangles for part in joined[0].parts])
     assert area_of(triangles).sum() == pytest.approx(20.0, abs=1e-4)
     sides = triangles[:, 1:, :2] - triangles[:, :1, :2]
-    assert (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0).all()  # all face up
+    assert (
+        sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
+    ).all()  # all face up
     xy = rng.uniform((0, 0), (5, 4), (400, 2))
     assert (_covers(triangles, xy) == 1).all()
 
@@ -36,7 +38,11 @@ def _covers(triangles, xy):
     inside = np.ones((len(xy), len(triangles)), bool)
     for first, last in ((0, 1), (1, 2), (2, 0)):
         start, step = triangles[:, first, :2], triangles[:, last, :2] - triangles[:, first, :2]
-        inside &= step[:, 0] * (xy[:, None, 1] - start[:, 1]) - step[:, 1] * (xy[:, None, 0] - start[:, 0]) > 0
+        inside &= (
+            step[:, 0] * (xy[:, None, 1] - start[:, 1])
+            - step[:, 1] * (xy[:, None, 0] - start[:, 0])
+            > 0
+        )
     return inside.sum(axis=1)
 
 

@@ -6,7 +6,13 @@ import pytest
 from mcpseg_cli.synth.geometry.solids import Item, box, part_of, quad, tube
 from mcpseg_cli.synth.scanning import lighting, photo, scanner
 from mcpseg_cli.synth.scanning.sampling import Samples, mesh_of, sample_mesh
-from mcpseg_cli.synth.scanning.visibility import VOXEL, build_room_grid, facing_of, is_clear, number_cells
+from mcpseg_cli.synth.scanning.visibility import (
+    VOXEL,
+    build_room_grid,
+    facing_of,
+    is_clear,
+    number_cells,
+)
 from mcpseg_cli.synth.surfaces.materials import Material
 
 GREY = Material("plain", (120, 120, 120), (90, 90, 90))
@@ -38,7 +44,9 @@ def test_cells_are_numbered_as_they_come():
 
 
 def test_a_normal_faces_the_nearest_axis():
-    assert facing_of(np.float32([[1, 0.2, 0], [-1, 0, 0], [0, 0.9, 0.1], [0, 0, -0.4]])).tolist() == [1, 0, 3, 4]
+    assert facing_of(
+        np.float32([[1, 0.2, 0], [-1, 0, 0], [0, 0.9, 0.1], [0, 0, -0.4]])
+    ).tolist() == [1, 0, 3, 4]
 
 
 def test_lamps_shine_down_and_solids_throw_shadows(scene):
@@ -70,8 +78,16 @@ def test_shine_is_the_same_as_its_slow_twin(scene):
         leaves = max(-ray @ facing[0, draws[row, 0]] / length, 0) + 0.05
         strength = power[0] * max(ray @ normals[row] / length, 0) * leaves / length**2
         start = xyz[row] + normals[row]
-        ends = [spots[0, (draws[row, 0] + 5 * k) % 16] + 2 * facing[0, (draws[row, 0] + 5 * k) % 16] for k in range(3)]
-        slow[row] = 400 * strength * np.mean([is_clear(*start, *end, grid.distance) for end in ends]) * colour[0]
+        ends = [
+            spots[0, (draws[row, 0] + 5 * k) % 16] + 2 * facing[0, (draws[row, 0] + 5 * k) % 16]
+            for k in range(3)
+        ]
+        slow[row] = (
+            400
+            * strength
+            * np.mean([is_clear(*start, *end, grid.distance) for end in ends])
+            * colour[0]
+        )
     same = np.isclose(fast, slow, rtol=1e-3, atol=1e-6).all(axis=1)
     assert same.mean() > 0.95  # rays along the edge of a voxel may fall to either side
 
@@ -89,7 +105,9 @@ def test_blurred_light_is_the_average_around_each_probe():
     for number, place in enumerate(places):
         near = [k for k, other in enumerate(places) if np.abs(np.subtract(place, other)).max() <= 1]
         weights = [3.0 if k == number else 1.0 for k in near]
-        assert np.allclose(fast[number], np.average(light[near], axis=0, weights=weights), atol=1e-5)
+        assert np.allclose(
+            fast[number], np.average(light[near], axis=0, weights=weights), atol=1e-5
+        )
 
 
 def test_corners_are_less_open_than_plains(scene):
@@ -105,15 +123,25 @@ def test_views_are_the_same_as_their_slow_twin(scene):
     mesh, grid, samples = scene
     tripods = np.array([[0.4, 0.4, 1.5], [3.5, 2.0, 1.4], [3.5, 3.5, 1.6]])
     rows = np.random.default_rng(4).choice(len(samples.xyz), 200, replace=False)
-    xyz, normals, closed = samples.xyz[rows], samples.normals[rows], mesh.is_closed[samples.part[rows]]
+    xyz, normals, closed = (
+        samples.xyz[rows],
+        samples.normals[rows],
+        mesh.is_closed[samples.part[rows]],
+    )
     views = np.zeros(200, np.uint16)
     scanner._look_out(xyz, normals, closed, tripods, grid.low, grid.distance, views)
     draws = np.random.default_rng(5).random(200, np.float32)
     chosen = np.full(200, -1, np.int8)
-    scanner._choose_viewer(xyz, normals, closed, views, np.arange(200, dtype=np.int32), tripods, draws, chosen)
+    scanner._choose_viewer(
+        xyz, normals, closed, views, np.arange(200, dtype=np.int32), tripods, draws, chosen
+    )
     same = 0
     for row in range(200):
-        bits = [view for view in range(3) if slow_view(xyz[row], normals[row], closed[row], tripods[view], grid)]
+        bits = [
+            view
+            for view in range(3)
+            if slow_view(xyz[row], normals[row], closed[row], tripods[view], grid)
+        ]
         same += views[row] == sum(1 << view for view in bits)
         bits = [view for view in range(3) if views[row] >> view & 1]
         need, best = draws[row], -1
@@ -137,7 +165,9 @@ def slow_view(point, normal, closed, tripod, grid):
 
 def test_a_wall_behind_a_board_is_covered_and_around_it_is_not():
     rng = np.random.default_rng(6)
-    place = np.column_stack([rng.uniform(0, 3, 500), np.zeros(500), rng.uniform(0, 3, 500)]).astype(np.float32)
+    place = np.column_stack([rng.uniform(0, 3, 500), np.zeros(500), rng.uniform(0, 3, 500)]).astype(
+        np.float32
+    )
     place = place[np.argsort(place[:, 0])]
     normals = np.tile(np.float32([0, 1, 0]), (500, 1))
     board = part_of(box((1, 0, 1), (2, 0.02, 2)), GREY)
@@ -154,8 +184,14 @@ def test_only_boxes_count_as_boxes_not_every_part_of_twelve_triangles():
 
 
 def test_glass_and_dark_things_lose_patches_and_plain_walls_hardly_anything():
-    dark, glass = Material("metal", (20, 20, 22), (9, 9, 9), seed=4), Material("glass", (90, 100, 110), (150, 160, 170))
-    sheets = [part_of(quad((3 * k, 0, 0), (2, 0, 0), (0, 0, 2)), m) for k, m in enumerate((GREY, dark, glass))]
+    dark, glass = (
+        Material("metal", (20, 20, 22), (9, 9, 9), seed=4),
+        Material("glass", (90, 100, 110), (150, 160, 170)),
+    )
+    sheets = [
+        part_of(quad((3 * k, 0, 0), (2, 0, 0), (0, 0, 2)), m)
+        for k, m in enumerate((GREY, dark, glass))
+    ]
     mesh = mesh_of([Item("clutter", (sheet,)) for sheet in sheets])
     samples = sample_mesh(mesh, 0.05, np.random.default_rng(0))
     lost = np.zeros(3)
@@ -171,7 +207,9 @@ def test_backs_that_touch_the_wall_are_marked():
     points = np.float32([[0, 0.5, 0.5], [0.3, 0.5, 0.5], [1, 0.5, 0.5]])
     normals = np.float32([[-1, 0, 0], [-1, 0, 0], [-1, 0, 0]])
     marked = np.zeros(3, bool)
-    scanner._mark_outward(points, normals, np.array([True, True, True]), np.array([[0, 0, 0], [2, 2, 2.0]]), marked)
+    scanner._mark_outward(
+        points, normals, np.array([True, True, True]), np.array([[0, 0, 0], [2, 2, 2.0]]), marked
+    )
     assert marked.tolist() == [True, False, False]
 
 

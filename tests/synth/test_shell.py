@@ -65,9 +65,9 @@ def test_walls_face_into_the_room_and_leave_openings_free(room, items):
     for axis in range(2):
         for bound in (room.low[axis], room.high[axis]):
             on_plane |= (np.abs(mesh.triangles[:, :, axis] - bound) < 1e-9).all(axis=1)
-    inside = ((mesh.triangles[..., :2] > room.low - 1e-9) & (mesh.triangles[..., :2] < room.high + 1e-9)).all(
-        axis=(1, 2)
-    )
+    inside = (
+        (mesh.triangles[..., :2] > room.low - 1e-9) & (mesh.triangles[..., :2] < room.high + 1e-9)
+    ).all(axis=(1, 2))
     sheet = on_plane & inside & ~mesh.is_closed[mesh.part]
     inwards = ((middle - mesh.triangles.mean(axis=1)) * mesh.normals).sum(axis=1)
     assert (inwards[sheet] > 0).all()
@@ -94,20 +94,26 @@ def test_points_lie_more_evenly_than_random_ones_also_after_thinning():
         kept = samples.xyz[samples.rank < share, :2]
         assert len(kept) == pytest.approx(share * len(samples.xyz), rel=0.03)
         holes = [
-            np.quantile(cKDTree(cloud).query(probes)[0], 0.995) for cloud in (kept, rng.random(kept.shape) * [4, 1])
+            np.quantile(cKDTree(cloud).query(probes)[0], 0.995)
+            for cloud in (kept, rng.random(kept.shape) * [4, 1])
         ]
         assert holes[0] < 0.9 * holes[1]
 
 
 def test_corridors_of_a_building_look_the_same():
     style = style_of(4, np.random.default_rng(0))
-    halls = [room for room in plan_area(style, 24, np.random.default_rng(2)) if room.kind == "hallway"]
+    halls = [
+        room for room in plan_area(style, 24, np.random.default_rng(2)) if room.kind == "hallway"
+    ]
     assert len(halls) > 2
     looks = set()
     for seed, hall in enumerate(halls):
         items = build_shell(hall, style, np.random.default_rng(seed))
         looks.add(
-            tuple(next(i for i in items if i.name == name).parts[0].material for name in ("floor", "ceiling", "wall"))
+            tuple(
+                next(i for i in items if i.name == name).parts[0].material
+                for name in ("floor", "ceiling", "wall")
+            )
         )
     assert len(looks) == 1
 
@@ -118,14 +124,19 @@ def slow_sees(grid, start, end):
     length = np.linalg.norm(ray)
     for gone in np.arange(2.05, length - 0.05, 0.05):
         place = start + (end - start) * gone / length
-        if grid.at(place[None])[0] == 0 and (np.abs((place - grid.low) / VOXEL % 1 - 0.5) < 0.2).all():
+        if (
+            grid.at(place[None])[0] == 0
+            and (np.abs((place - grid.low) / VOXEL % 1 - 0.5) < 0.2).all()
+        ):
             return False  # only voxels that the ray passes well inside are sure to stop it
     return True
 
 
 def test_rays_are_stopped_by_what_they_pass_through():
     rng = np.random.default_rng(1)
-    grid = build_room_grid(np.concatenate([box((1, 1, 0), (1.5, 2, 1)), box((2, 0, 0.5), (2.4, 1, 1.5))]))
+    grid = build_room_grid(
+        np.concatenate([box((1, 1, 0), (1.5, 2, 1)), box((2, 0, 0.5), (2.4, 1, 1.5))])
+    )
     points, targets = rng.uniform(0, 3, (2, 400, 3))
     seen = sees(grid, points, targets)
     slow = np.array([slow_sees(grid, a, b) for a, b in zip(points, targets, strict=True)])

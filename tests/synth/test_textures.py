@@ -12,7 +12,9 @@ def paint(pattern, seed=1, count=2000, scale=0.3):
     rng = np.random.default_rng(0)
     xyz = rng.uniform(-1, 1, (count, 3)).astype(np.float32)
     normals = np.tile(np.float32([0, 0, 1]), (count, 1))
-    return paint_points(Material(pattern, (150, 110, 70), (70, 60, 40), scale, seed), xyz, normals, rng)
+    return paint_points(
+        Material(pattern, (150, 110, 70), (70, 60, 40), scale, seed), xyz, normals, rng
+    )
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -32,14 +34,21 @@ def test_the_same_seed_paints_the_same_and_another_does_not(pattern):
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_nothing_to_paint_is_no_error(pattern):
     none = np.zeros((0, 3), np.float32)
-    assert paint_points(Material(pattern, (1, 2, 3), (4, 5, 6)), none, none, np.random.default_rng(0)).shape == (0, 3)
+    assert paint_points(
+        Material(pattern, (1, 2, 3), (4, 5, 6)), none, none, np.random.default_rng(0)
+    ).shape == (0, 3)
 
 
 def test_tiles_have_grout_along_their_edges():
     place = np.linspace(0.01, 1.19, 600, dtype=np.float32)
     xyz = np.column_stack([place, np.full_like(place, 0.15), np.zeros_like(place)])
     normals = np.tile(np.float32([0, 0, 1]), (len(place), 1))
-    colour = paint_points(Material("tiles", (200, 200, 200), (20, 20, 20), 0.3), xyz, normals, np.random.default_rng(0))
+    colour = paint_points(
+        Material("tiles", (200, 200, 200), (20, 20, 20), 0.3),
+        xyz,
+        normals,
+        np.random.default_rng(0),
+    )
     dark = np.flatnonzero(colour[:, 0] < 80)
     assert len(dark)
     assert (np.abs(place[dark] / 0.3 - np.round(place[dark] / 0.3)) < 0.02).all()
@@ -49,13 +58,19 @@ def test_noise_is_the_same_as_its_slow_twin():
     xyz = np.random.default_rng(3).uniform(-4, 4, (60, 3)).astype(np.float32)
     seed = np.full(60, 9, np.uint32)
     fast = fbm(xyz, 1.7, seed, 2)
-    slow = [sum(slow_noise(point * np.float32(1.7) * 2.03**k, 9 + k) * 0.5**k for k in range(2)) / 1.5 for point in xyz]
+    slow = [
+        sum(slow_noise(point * np.float32(1.7) * 2.03**k, 9 + k) * 0.5**k for k in range(2)) / 1.5
+        for point in xyz
+    ]
     assert np.allclose(fast, slow, atol=1e-4)
 
 
 def test_noise_spreads_around_a_half():
     values = fbm(
-        np.random.default_rng(4).uniform(-50, 50, (5000, 3)).astype(np.float32), 1.0, np.zeros(5000, np.uint32), 3
+        np.random.default_rng(4).uniform(-50, 50, (5000, 3)).astype(np.float32),
+        1.0,
+        np.zeros(5000, np.uint32),
+        3,
     )
     assert 0 <= values.min() < 0.3 < 0.7 < values.max() <= 1
     assert values.mean() == pytest.approx(0.5, abs=0.03)

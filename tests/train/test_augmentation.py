@@ -23,12 +23,18 @@ from mcpseg_cli.train.batches import BatchSource, prepare_samples
 from tests.areas import CLASSES, write_area
 
 ROBOT = np.array([20.0, -7.0, 1.4])
-SHARES = {"floor_lost_by": "floor_lost", "context_dropout_share": "context_dropout", "thinning_share": "thinning"}
+SHARES = {
+    "floor_lost_by": "floor_lost",
+    "context_dropout_share": "context_dropout",
+    "thinning_share": "thinning",
+}
 
 
 @pytest.fixture(scope="module")
 def area(tmp_path_factory):
-    return prepare_samples(write_area(tmp_path_factory.mktemp("areas") / "a"), SampleSettings(seen_again=60))
+    return prepare_samples(
+        write_area(tmp_path_factory.mktemp("areas") / "a"), SampleSettings(seen_again=60)
+    )
 
 
 @pytest.fixture
@@ -53,7 +59,13 @@ def around(scene: Scene) -> np.ndarray:
 
 def batches(area, settings: AugmentSettings | None, batch_size: int = 2000, epochs: int = 1):
     source = BatchSource(
-        [area], CLASSES, batch_size=batch_size, with_context=True, augmentation=settings, seed=0, samples_per_instance=0
+        [area],
+        CLASSES,
+        batch_size=batch_size,
+        with_context=True,
+        augmentation=settings,
+        seed=0,
+        samples_per_instance=0,
     )
     return [batch for number in range(epochs) for batch in source.epoch(number)]
 
@@ -72,13 +84,22 @@ def test_the_robots_position_is_not_changed_in_place(rng):
 
 @pytest.mark.parametrize("name", list(AugmentSettings.model_fields))
 def test_every_part_alone_changes_what_the_network_sees(area, name):
-    largest = {"turn_deg": 90.0, "floor_lost_by": 0.3, "offset": 20.0, "hue_deg": 60.0, "colour_noise": 10.0}
+    largest = {
+        "turn_deg": 90.0,
+        "floor_lost_by": 0.3,
+        "offset": 20.0,
+        "hue_deg": 60.0,
+        "colour_noise": 10.0,
+    }
     value = largest.get(name, 0.5 if "scale" in name or "share" in name else 1.0)
     parts = {name: value} | ({SHARES[name]: 1.0} if name in SHARES else {})
     parts |= {share: 0.5 for share, part in SHARES.items() if part == name}
     changed, unchanged = batches(area, only(**parts)), batches(area, AugmentSettings.off())
     differ = [
-        not (np.array_equal(left.centre, right.centre) and np.array_equal(left.context, right.context))
+        not (
+            np.array_equal(left.centre, right.centre)
+            and np.array_equal(left.context, right.context)
+        )
         for left, right in zip(changed, unchanged, strict=True)
     ]
     assert sum(differ) >= area.num_scans - 2  # a first scan has no earlier ones
@@ -86,13 +107,17 @@ def test_every_part_alone_changes_what_the_network_sees(area, name):
 
 def test_a_turn_keeps_distances_from_the_robot_and_heights(rng):
     before, after = make_scene(), change_places(make_scene(), only(turn_deg=180), rng)
-    np.testing.assert_allclose(np.hypot(*around(after)[:, :2].T), np.hypot(*around(before)[:, :2].T), atol=1e-5)
+    np.testing.assert_allclose(
+        np.hypot(*around(after)[:, :2].T), np.hypot(*around(before)[:, :2].T), atol=1e-5
+    )
     np.testing.assert_allclose(around(after)[:, 2], around(before)[:, 2], atol=1e-6)
 
 
 def test_turns_are_of_any_angle(rng):
     point = replace(make_scene(1), xyz=np.array([[21, -7, 1.4]], np.float32))
-    turned = np.concatenate([around(change_places(point, only(turn_deg=180), rng)) for _ in range(400)])
+    turned = np.concatenate(
+        [around(change_places(point, only(turn_deg=180), rng)) for _ in range(400)]
+    )
     counts, _ = np.histogram(np.arctan2(turned[:, 1], turned[:, 0]), bins=8, range=(-np.pi, np.pi))
     assert counts.min() > 25
 
@@ -104,7 +129,9 @@ def test_a_mirror_swaps_left_and_right(rng):
 
 def test_scale_is_around_the_robots_foot_and_within_its_bounds(rng):
     for _ in range(20):
-        ratio = around(change_places(make_scene(), only(scale=0.1, height_scale=0.04), rng)) / around(make_scene())
+        ratio = around(
+            change_places(make_scene(), only(scale=0.1, height_scale=0.04), rng)
+        ) / around(make_scene())
         assert np.ptp(ratio, axis=0).max() < 0.01
         scale = np.median(ratio, axis=0)
         assert scale[0] == pytest.approx(scale[1], abs=1e-3)
@@ -113,7 +140,10 @@ def test_scale_is_around_the_robots_foot_and_within_its_bounds(rng):
 
 
 def test_jitter_displaces_by_no_more_than_its_standard_deviation_says(rng):
-    spread = [(change_places(make_scene(), only(jitter=0.02), rng).xyz - make_scene().xyz).std() for _ in range(30)]
+    spread = [
+        (change_places(make_scene(), only(jitter=0.02), rng).xyz - make_scene().xyz).std()
+        for _ in range(30)
+    ]
     assert 0.01 < max(spread) < 0.021
     assert min(spread) < 0.01
 
@@ -126,10 +156,15 @@ def test_an_offset_of_the_robot_moves_every_point_alike(rng):
 
 
 def test_the_floor_errs_a_little_always_and_much_sometimes(rng):
-    errors = np.array([
-        change_places(make_scene(5), only(floor_error=0.02, floor_lost=0.1, floor_lost_by=0.3), rng).floor - 0.4
-        for _ in range(2000)
-    ])  # fmt: skip
+    errors = np.array(
+        [
+            change_places(
+                make_scene(5), only(floor_error=0.02, floor_lost=0.1, floor_lost_by=0.3), rng
+            ).floor
+            - 0.4
+            for _ in range(2000)
+        ]
+    )
     assert abs(errors).max() < 0.4
     assert 0.07 < (abs(errors) > 0.08).mean() < 0.13
     assert np.std(errors[abs(errors) < 0.06]) == pytest.approx(0.02, rel=0.15)
@@ -137,7 +172,9 @@ def test_the_floor_errs_a_little_always_and_much_sometimes(rng):
 
 def test_colours_stay_colours(rng):
     for _ in range(50):
-        rgb = change_colours(make_scene(), AugmentSettings(gain=1, contrast=1, offset=255, colour_noise=99), rng).rgb
+        rgb = change_colours(
+            make_scene(), AugmentSettings(gain=1, contrast=1, offset=255, colour_noise=99), rng
+        ).rgb
         assert rgb.dtype == np.float32
         assert 0 <= rgb.min() <= rgb.max() <= 255
 
@@ -175,7 +212,9 @@ def test_a_half_space_is_cut_beyond_its_border():
 
 def test_all_but_a_sector_is_cut():
     cut = Cut(np.array([0.0, 1.0]), None, 45)
-    xyz = np.array([[0, 1, 0], [0.9, 1, 0], [1.1, 1, 0], [0, -1, 0]], np.float32) + ROBOT.astype(np.float32)
+    xyz = np.array([[0, 1, 0], [0.9, 1, 0], [1.1, 1, 0], [0, -1, 0]], np.float32) + ROBOT.astype(
+        np.float32
+    )
     assert cut.removes(xyz, ROBOT).tolist() == [False, False, True, True]
 
 
@@ -187,14 +226,18 @@ def test_partial_views_are_as_frequent_as_asked_for_and_of_both_kinds(rng):
 
 
 def test_beyond_a_cut_are_neither_points_nor_context(area, monkeypatch):
-    monkeypatch.setattr("mcpseg_cli.train.batches.draw_cut", lambda settings, rng: Cut(np.array([0.0, 1.0]), 0.3))
+    monkeypatch.setattr(
+        "mcpseg_cli.train.batches.draw_cut", lambda settings, rng: Cut(np.array([0.0, 1.0]), 0.3)
+    )
     for batch in batches(area, AugmentSettings.off()):
         assert batch.centre[:, 1].max() < 0.3 + 1e-5
         assert (batch.centre[:, None, 1] + batch.context[..., 1]).max() < 0.3 + 1e-5
 
 
 def test_a_cut_that_leaves_next_to_nothing_is_not_made(area, monkeypatch):
-    monkeypatch.setattr("mcpseg_cli.train.batches.draw_cut", lambda settings, rng: Cut(np.array([0.0, 1.0]), -9.0))
+    monkeypatch.setattr(
+        "mcpseg_cli.train.batches.draw_cut", lambda settings, rng: Cut(np.array([0.0, 1.0]), -9.0)
+    )
     assert all(batch.centre[:, 1].max() > 1 for batch in batches(area, AugmentSettings.off()))
 
 
@@ -224,11 +267,18 @@ def test_context_of_the_same_scan_forgets_earlier_ones(area):
 
 def test_context_turns_with_its_centre(area):
     plain, turned = (
-        np.concatenate([np.linalg.norm(batch.context[..., :2], axis=2).ravel() for batch in batches(area, settings)])
+        np.concatenate(
+            [
+                np.linalg.norm(batch.context[..., :2], axis=2).ravel()
+                for batch in batches(area, settings)
+            ]
+        )
         for settings in (AugmentSettings.off(), only(turn_deg=180, mirror=1))
     )
     np.testing.assert_allclose(
-        np.quantile(turned, np.arange(0, 1, 0.1)), np.quantile(plain, np.arange(0, 1, 0.1)), atol=0.01
+        np.quantile(turned, np.arange(0, 1, 0.1)),
+        np.quantile(plain, np.arange(0, 1, 0.1)),
+        atol=0.01,
     )
 
 
@@ -259,7 +309,9 @@ def test_dropped_context_repeats_the_first_columns(rng):
     assert kept < 6
 
 
-@pytest.mark.parametrize("wrong", [{"turn": 3}, {"grey": 1.5}, {"jitter": -1}, {"scale": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"turn": 3}, {"grey": 1.5}, {"jitter": -1}, {"scale": float("nan")}]
+)
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ValidationError):
         AugmentSettings(**wrong)

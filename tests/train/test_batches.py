@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 from mcpseg_cli.config import AugmentSettings, SampleSettings
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.incremental.context import context_input, network_input
-from mcpseg_cli.train.batches import Batch, BatchSource, choose_balanced, number_locally, prepare_samples
+from mcpseg_cli.train.batches import (
+    Batch,
+    BatchSource,
+    choose_balanced,
+    number_locally,
+    prepare_samples,
+)
 from tests.areas import CLASSES, write_area
 
 
@@ -16,11 +22,20 @@ from tests.areas import CLASSES, write_area
 def areas(tmp_path_factory):
     folder = tmp_path_factory.mktemp("areas")
     settings = SampleSettings(seen_again=60)
-    return [prepare_samples(write_area(folder / f"Area_{seed}", 4 + seed, seed), settings) for seed in (1, 2)]
+    return [
+        prepare_samples(write_area(folder / f"Area_{seed}", 4 + seed, seed), settings)
+        for seed in (1, 2)
+    ]
 
 
 def source(areas, **changes) -> BatchSource:
-    options = {"batch_size": 64, "with_context": True, "augmentation": None, "seed": 3, "classes": CLASSES}
+    options = {
+        "batch_size": 64,
+        "with_context": True,
+        "augmentation": None,
+        "seed": 3,
+        "classes": CLASSES,
+    }
     return BatchSource(areas, **(options | changes))
 
 
@@ -67,7 +82,9 @@ def test_arrays_have_the_shapes_and_types_of_the_networks(areas):
 
 
 def test_without_context_there_is_none(areas):
-    batch = next(source(areas, batch_size=1024, with_context=False, augmentation=AugmentSettings()).epoch(0))
+    batch = next(
+        source(areas, batch_size=1024, with_context=False, augmentation=AugmentSettings()).epoch(0)
+    )
     assert batch.context is None
     assert batch.centre.shape == (1024, 6)
 
@@ -157,7 +174,9 @@ def test_plain_batches_keep_the_proportions_of_the_scan(areas):
     counts = np.zeros((2, 5))
     for row, per_instance in enumerate((0, 16)):
         for epoch in range(20):
-            for batch in source(areas, samples_per_instance=per_instance, plain_share=0.0).epoch(epoch):
+            for batch in source(areas, samples_per_instance=per_instance, plain_share=0.0).epoch(
+                epoch
+            ):
                 counts[row] += np.bincount(batch.instance, minlength=5)
     floor, balanced_floor = counts[:, 1] / counts.sum(axis=1)
     assert floor > balanced_floor + 0.05

@@ -3,7 +3,8 @@
 import pytest
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.train.folds import find_areas, make_folds, read_class_table, trained_classes
+from mcpseg_cli.train.class_table import read_class_table, trained_classes
+from mcpseg_cli.train.folds import find_areas, make_folds
 from tests.areas import write_area
 
 
@@ -39,7 +40,9 @@ def test_all_areas_of_a_number_are_held_out(data):
     assert fold.label == "holdout3"
 
 
-@pytest.mark.parametrize(("holdout", "numbers"), [("all", [1, 3]), ("3,1", [3, 1]), ("none", [None])])
+@pytest.mark.parametrize(
+    ("holdout", "numbers"), [("all", [1, 3]), ("3,1", [3, 1]), ("none", [None])]
+)
 def test_folds_come_one_after_the_other(holdout, numbers, data):
     assert [fold.holdout for fold in make_folds(find_areas(data), holdout, data)] == numbers
 
@@ -47,14 +50,19 @@ def test_folds_come_one_after_the_other(holdout, numbers, data):
 def test_an_area_not_traced_to_the_end_is_refused(tmp_path):
     area = write_area(tmp_path / "Area_1", 1, density=0.1)
     (area / "raytrace.json").write_text('{"complete": false}')
-    with pytest.raises(InputError, match="Area_1: not traced to the end; expected all scans; run its"):
+    with pytest.raises(
+        InputError, match="Area_1: not traced to the end; expected all scans; run its"
+    ):
         find_areas(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("t.csv", "label,class\n# comment\narmchair, chair\nsofa,chair\nlaminate,floor\nperson,unknown\n"),
+        (
+            "t.csv",
+            "label,class\n# comment\narmchair, chair\nsofa,chair\nlaminate,floor\nperson,unknown\n",
+        ),
         ("t.json", '{"armchair": "chair", "sofa": "chair", "laminate": "floor", "person": ""}'),
     ],
 )
@@ -74,7 +82,11 @@ def test_class_tables_are_read(name, text, tmp_path):
         ("t.json", "[1]", "values that are not texts"),
         ("t.json", '{"a": 1}', "values that are not texts"),
         ("t.json", "{", "Expecting property name"),
-        ("t.csv", 'a,"desk, low"\nb,c\n', "a class named 'desk, low'; expected up to 254 names without commas"),
+        (
+            "t.csv",
+            'a,"desk, low"\nb,c\n',
+            "a class named 'desk, low'; expected up to 254 names without commas",
+        ),
         ("t.json", '{"a": "b\\nc", "d": "e"}', r"a class named 'b\\nc'; expected"),
         ("t.csv", "".join(f"{n},c{n}\n" for n in range(255)), "255 classes; expected up to 254"),
         ("t.csv", 'a,b\nc,"d' + "e" * 140_000, "field larger than field limit"),
@@ -91,7 +103,11 @@ def test_without_a_table_all_classes_of_the_data_are_trained():
     assert trained_classes([("a", "b"), ("b", "c")], None) == ("a", "b", "c")
 
 
-@pytest.mark.parametrize("classes", [("a,b", "c"), ("a\x07", "c"), tuple(f"c{n}" for n in range(255))])
+@pytest.mark.parametrize(
+    "classes", [("a,b", "c"), ("a\x07", "c"), tuple(f"c{n}" for n in range(255))]
+)
 def test_class_tables_of_the_data_that_labels_cannot_hold_are_refused(classes):
-    with pytest.raises(InputError, match=r"class tables of the data: .*; expected up to 254 names.*--classes"):
+    with pytest.raises(
+        InputError, match=r"class tables of the data: .*; expected up to 254 names.*--classes"
+    ):
         trained_classes([classes], None)

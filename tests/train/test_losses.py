@@ -39,13 +39,19 @@ def slow_distance(a: np.ndarray, b: np.ndarray) -> float:
 def slow_triplet_loss(embedding: np.ndarray, labels: list[int], margin: float) -> float:
     losses = []
     for i, anchor in enumerate(embedding):
-        negatives = [slow_distance(anchor, embedding[k]) for k in range(len(labels)) if labels[k] != labels[i]]
+        negatives = [
+            slow_distance(anchor, embedding[k])
+            for k in range(len(labels))
+            if labels[k] != labels[i]
+        ]
         for j, other in enumerate(embedding):
             if i == j or labels[i] != labels[j] or not negatives:
                 continue
             positive = slow_distance(anchor, other)
             farther = [negative for negative in negatives if negative > positive]
-            losses.append(max(0.0, margin + positive - (min(farther) if farther else max(negatives))))
+            losses.append(
+                max(0.0, margin + positive - (min(farther) if farther else max(negatives)))
+            )
     return float(np.mean(losses)) if losses else 0.0
 
 
@@ -72,21 +78,27 @@ def test_the_triplet_loss_equals_a_loop_over_triplets(name, duplicates, margin):
         embedding = points(len(labels), seed)
         embedding = with_duplicates(embedding) if duplicates else embedding
         loss = triplet_semihard_loss(embedding, torch.tensor(labels), margin)
-        assert float(loss) == pytest.approx(slow_triplet_loss(embedding.numpy(), labels, margin), abs=1e-12)
+        assert float(loss) == pytest.approx(
+            slow_triplet_loss(embedding.numpy(), labels, margin), abs=1e-12
+        )
 
 
 def test_the_triplet_loss_of_a_large_batch_equals_the_loop():
     labels = np.random.default_rng(0).integers(0, 12, 90)
     embedding = points(90, dtype=torch.float32)
     loss = triplet_semihard_loss(embedding, torch.from_numpy(labels).int())
-    assert float(loss) == pytest.approx(slow_triplet_loss(embedding.numpy(), labels.tolist(), 1.0), abs=1e-5)
+    assert float(loss) == pytest.approx(
+        slow_triplet_loss(embedding.numpy(), labels.tolist(), 1.0), abs=1e-5
+    )
 
 
 @pytest.mark.parametrize("name", ["a few objects", "one point alone"])
 def test_the_triplet_loss_has_the_gradient_of_its_value(name):
     labels = torch.tensor(LABELS[name])
     embedding = points(len(labels)).requires_grad_()
-    assert torch.autograd.gradcheck(lambda vectors: triplet_semihard_loss(vectors, labels), embedding)
+    assert torch.autograd.gradcheck(
+        lambda vectors: triplet_semihard_loss(vectors, labels), embedding
+    )
 
 
 @pytest.mark.parametrize("name", ["one object only", "all different", "one point"])
@@ -110,7 +122,10 @@ def test_the_order_of_points_does_not_matter_to_any_loss():
     labels, order = torch.tensor(LABELS["a few objects"]), torch.randperm(10)
     embedding, kind = points(10), torch.arange(10) % 3
     for value, shuffled in (
-        (triplet_semihard_loss(embedding, labels), triplet_semihard_loss(embedding[order], labels[order])),
+        (
+            triplet_semihard_loss(embedding, labels),
+            triplet_semihard_loss(embedding[order], labels[order]),
+        ),
         (
             sgpn_double_hinge_loss(embedding, kind, labels),
             sgpn_double_hinge_loss(embedding[order], kind[order], labels[order]),
@@ -121,7 +136,10 @@ def test_the_order_of_points_does_not_matter_to_any_loss():
 
 @pytest.mark.parametrize("weighted", [False, True])
 def test_the_class_loss_is_the_mean_over_known_points(weighted):
-    logits, semantic = 3 * points(10), torch.tensor([0, 1, 255, 3, 2, 255, 1, 1, 0, 255], dtype=torch.uint8)
+    logits, semantic = (
+        3 * points(10),
+        torch.tensor([0, 1, 255, 3, 2, 255, 1, 1, 0, 255], dtype=torch.uint8),
+    )
     weights = torch.tensor([1.0, 0.5, 2.0, 0.1], dtype=torch.float64) if weighted else None
     known = semantic != 255
     expected = functional.cross_entropy(logits[known], semantic[known].long(), weights)
@@ -142,7 +160,9 @@ def test_the_class_loss_has_the_gradient_of_its_value():
     semantic = torch.tensor([0, 255, 3, 1])
     weights = torch.tensor([1.0, 0.5, 2.0, 0.1], dtype=torch.float64)
     logits = points(4).requires_grad_()
-    assert torch.autograd.gradcheck(lambda values: classification_loss(values, semantic, weights), logits)
+    assert torch.autograd.gradcheck(
+        lambda values: classification_loss(values, semantic, weights), logits
+    )
 
 
 @pytest.mark.parametrize("name", LABELS)
@@ -152,7 +172,9 @@ def test_the_double_hinge_loss_equals_a_loop_over_pairs(name, size):
     semantic = [label // 2 for label in instance]
     features = size * points(len(instance))
     loss = sgpn_double_hinge_loss(features, torch.tensor(semantic), torch.tensor(instance))
-    assert float(loss) == pytest.approx(slow_hinge_loss(features.numpy(), semantic, instance), rel=1e-9)
+    assert float(loss) == pytest.approx(
+        slow_hinge_loss(features.numpy(), semantic, instance), rel=1e-9
+    )
 
 
 def test_the_double_hinge_loss_has_the_gradient_of_its_value():

@@ -33,7 +33,10 @@ def area(tmp_path):
 
 def contents(samples: AreaSamples) -> list[np.ndarray]:
     scans = [samples.scan(number) for number in range(samples.num_scans)]
-    arrays = [np.concatenate([getattr(scan, name) for scan in scans]) for name in ("voxel", "context", "seen")]
+    arrays = [
+        np.concatenate([getattr(scan, name) for scan in scans])
+        for name in ("voxel", "context", "seen")
+    ]
     facts = np.array([[scan.num_new, scan.floor, *scan.position] for scan in scans])
     return [*arrays, facts, samples.xyz, samples.rgb, samples.semantic, samples.instance]
 
@@ -50,7 +53,9 @@ class Spy:
         self.centre: list[np.ndarray] = []
         self.context: dict[int, np.ndarray] = {}
         monkeypatch.setattr("mcpseg_cli.incremental.classification.network_input", self.note_centre)
-        monkeypatch.setattr("mcpseg_cli.incremental.classification.context_input", self.note_context)
+        monkeypatch.setattr(
+            "mcpseg_cli.incremental.classification.context_input", self.note_context
+        )
 
     def note_centre(self, *arguments: object) -> np.ndarray:
         self.centre.append(network_input(*arguments))
@@ -79,7 +84,9 @@ def test_new_voxels_look_to_training_exactly_as_they_do_to_segmentation(
         centre = network_input(samples.xyz[new], samples.rgb[new], scan.position, scan.floor)
         np.testing.assert_array_equal(centre, np.concatenate(spy.centre))
         rows = context_input(new, context, samples.xyz, samples.rgb)
-        np.testing.assert_array_equal(rows, np.stack([spy.context[voxel] for voxel in new.tolist()]))
+        np.testing.assert_array_equal(
+            rows, np.stack([spy.context[voxel] for voxel in new.tolist()])
+        )
 
 
 def test_a_voxel_has_the_label_of_the_point_that_founded_it(area):
@@ -87,9 +94,13 @@ def test_a_voxel_has_the_label_of_the_point_that_founded_it(area):
     truth = {}
     for source in list_scans(area):
         cloud = read_cloud(area / "gt" / source.path.name)
-        labels = zip(cloud.columns["semantic"].tolist(), cloud.columns["instance"].tolist(), strict=True)
+        labels = zip(
+            cloud.columns["semantic"].tolist(), cloud.columns["instance"].tolist(), strict=True
+        )
         truth |= dict(zip(map(tuple, cloud.xyz.tolist()), labels, strict=True))
-    found = zip(samples.xyz.tolist(), samples.semantic.tolist(), samples.instance.tolist(), strict=True)
+    found = zip(
+        samples.xyz.tolist(), samples.semantic.tolist(), samples.instance.tolist(), strict=True
+    )
     assert all(truth[tuple(xyz)] == (semantic, instance) for xyz, semantic, instance in found)
 
 
@@ -169,12 +180,16 @@ def test_a_changed_area_is_replayed_again(area, change):
 
 def test_changed_settings_give_other_samples(area):
     prepare_samples(area, SETTINGS)
-    coarse = prepare_samples(area, SETTINGS.model_copy(update={"context_window": "coarse", "num_context": 20}))
+    coarse = prepare_samples(
+        area, SETTINGS.model_copy(update={"context_window": "coarse", "num_context": 20})
+    )
     assert coarse.scan(0).context.shape[1] == 20
 
 
 def test_the_same_area_gives_the_same_samples(area, tmp_path):
-    assert_same(prepare_samples(area, SETTINGS), prepare_samples(area, SETTINGS, tmp_path / "again.h5"))
+    assert_same(
+        prepare_samples(area, SETTINGS), prepare_samples(area, SETTINGS, tmp_path / "again.h5")
+    )
 
 
 def test_blocks_do_not_change_the_samples(area, tmp_path, monkeypatch):
@@ -256,7 +271,9 @@ def test_an_area_that_does_not_fit_together_is_refused_in_one_line(area, damage,
 
 
 def test_scans_far_from_every_pose_are_refused(area):
-    (area / "poses.csv").write_text((area / "poses.csv").read_text().replace(",0.000000,", ",50.0,"))
+    (area / "poses.csv").write_text(
+        (area / "poses.csv").read_text().replace(",0.000000,", ",50.0,")
+    )
     with pytest.raises(InputError, match="no point near the robot"):
         prepare_samples(area, SETTINGS)
 

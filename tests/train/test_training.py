@@ -13,15 +13,17 @@ from hypothesis import strategies as st
 
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import StateError, StateInUseError, TrainingError, WeightsError
-from mcpseg_cli.lock import exclusive
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network
+from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.checkpoint import read_checkpoint, write_checkpoint
 from mcpseg_cli.train.fine_tuning import adopt
-from mcpseg_cli.train.objective import Outcome, Tally, TensorBatch, nearest_is_of_same_object
+from mcpseg_cli.train.objective import Outcome, TensorBatch
 from mcpseg_cli.train.prefetch import ahead
 from mcpseg_cli.train.ranks import Ranks
-from mcpseg_cli.train.trainer import Trainer, balance, learning_rate
+from mcpseg_cli.train.schedule import balance, learning_rate
+from mcpseg_cli.train.scores import Tally, nearest_is_of_same_object
+from mcpseg_cli.train.trainer import Trainer
 
 NUM_CLASSES = 4
 CLASSES = tuple("abcd")
@@ -60,18 +62,25 @@ class World:
         if self.broken:
             centre[0] = np.nan
         return Batch(
-            centre.astype(np.float32), None if context is None else context.astype(np.float32), semantic, instance
+            centre.astype(np.float32),
+            None if context is None else context.astype(np.float32),
+            semantic,
+            instance,
         )
 
 
-def make_trainer(world=None, validation=None, num_classes=NUM_CLASSES, ranks=None, class_weights=None, **changes):
+def make_trainer(
+    world=None, validation=None, num_classes=NUM_CLASSES, ranks=None, class_weights=None, **changes
+):
     settings = TrainSettings.model_validate({"epochs": 2, "learning_rate": 3e-3} | changes)
     info = WeightsInfo(architecture=settings.architecture, classes=CLASSES[:num_classes])
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(1)
         network = build_network(info)
     world = world or World(with_context=settings.architecture == "mcpnet")
-    return Trainer(network, num_classes, settings, world, validation, ranks=ranks, class_weights=class_weights)
+    return Trainer(
+        network, num_classes, settings, world, validation, ranks=ranks, class_weights=class_weights
+    )
 
 
 def finish(trainer: Trainer):
@@ -90,7 +99,9 @@ def assert_same_weights(first: Trainer, second: Trainer) -> None:
 def test_every_network_learns(architecture):
     with_context = architecture == "mcpnet"
     world = World(num_points=64, with_context=with_context)
-    reports = finish(make_trainer(world, World(3, 64, with_context, seed=9), architecture=architecture, epochs=3))
+    reports = finish(
+        make_trainer(world, World(3, 64, with_context, seed=9), architecture=architecture, epochs=3)
+    )
     assert reports[-1].train.loss < reports[0].train.loss
     assert reports[-1].validation.accuracy > 1.5 / NUM_CLASSES
     assert (reports[-1].validation.embedding_accuracy is not None) == (
@@ -104,10 +115,17 @@ def test_both_precisions_learn(precision):
     assert reports[-1].train.class_loss < 0.8 * reports[0].train.class_loss
 
 
-@pytest.mark.parametrize(("architecture", "num_steps"), [("mcpnet", 1), ("mcpnet", 13), ("pointnet", 19), ("sgpn", 12)])
+@pytest.mark.parametrize(
+    ("architecture", "num_steps"), [("mcpnet", 1), ("mcpnet", 13), ("pointnet", 19), ("sgpn", 12)]
+)
 def test_an_interrupted_training_goes_on_bit_for_bit(architecture, num_steps, tmp_path):
     with_context = architecture == "mcpnet"
-    changes = {"architecture": architecture, "schedule": "cosine", "warm_up": 0.5, "max_gradient": 1.0}
+    changes = {
+        "architecture": architecture,
+        "schedule": "cosine",
+        "warm_up": 0.5,
+        "max_gradient": 1.0,
+    }
     validation = World(2, with_context=with_context, seed=9)
     whole = make_trainer(validation=validation, **changes)
     reports = finish(whole)
@@ -124,11 +142,17 @@ def test_an_interrupted_training_goes_on_bit_for_bit(architecture, num_steps, tm
     assert [report.model_copy(update={"seconds": 0}) for report in second.curves] == [
         report.model_copy(update={"seconds": 0}) for report in reports
     ]
-    assert all(torch.equal(second.best_network()[name], each) for name, each in whole.best_network().items())
+    assert all(
+        torch.equal(second.best_network()[name], each)
+        for name, each in whole.best_network().items()
+    )
 
 
 def test_a_stop_while_validating_leaves_a_state_to_go_on_from():
-    whole, first = make_trainer(validation=World(5, seed=9)), make_trainer(validation=World(5, seed=9))
+    whole, first = (
+        make_trainer(validation=World(5, seed=9)),
+        make_trainer(validation=World(5, seed=9)),
+    )
     finish(whole)
     for _ in first.run(lambda: first._step == first.num_steps and not first.network.training):
         pass
@@ -158,29 +182,46 @@ def test_several_batches_a_step_average_their_gradients():
 
 
 def _tensors(batch: Batch) -> TensorBatch:
-    return TensorBatch(*[torch.tensor(getattr(batch, name)) for name in ("centre", "context", "semantic", "instance")])
+    return TensorBatch(
+        *[
+            torch.tensor(getattr(batch, name))
+            for name in ("centre", "context", "semantic", "instance")
+        ]
+    )
 
 
 def test_the_best_weights_are_kept_and_patience_ends_training():
     class Noise(World):
         def draw(self, rng):
             batch = super().draw(rng)
-            return Batch(batch.centre, batch.context, rng.integers(0, NUM_CLASSES, self.num_points), batch.instance)
+            return Batch(
+                batch.centre,
+                batch.context,
+                rng.integers(0, NUM_CLASSES, self.num_points),
+                batch.instance,
+            )
 
-    trainer = make_trainer(Noise(), Noise(4, seed=9), epochs=60, patience=2, best_by="loss", learning_rate=0.01)
+    trainer = make_trainer(
+        Noise(), Noise(4, seed=9), epochs=60, patience=2, best_by="loss", learning_rate=0.01
+    )
     reports = finish(trainer)
     losses = [report.validation.loss for report in reports]
     assert len(reports) == trainer.best + 2 < 60
     assert losses[trainer.best - 1] == min(losses)
     last = trainer.network.state_dict()
-    assert any(not torch.equal(tensor, last[name]) for name, tensor in trainer.best_network().items())
+    assert any(
+        not torch.equal(tensor, last[name]) for name, tensor in trainer.best_network().items()
+    )
 
 
 def test_without_validation_the_last_weights_are_the_best():
     trainer = make_trainer()
     reports = finish(trainer)
     assert reports[-1].validation is None
-    assert all(torch.equal(trainer.best_network()[name], each) for name, each in trainer.network.state_dict().items())
+    assert all(
+        torch.equal(trainer.best_network()[name], each)
+        for name, each in trainer.network.state_dict().items()
+    )
 
 
 def test_validation_comes_when_it_is_due_and_after_the_last_epoch():
@@ -194,7 +235,9 @@ def test_an_epoch_ends_after_the_batches_asked_for():
 
 
 def test_a_loss_that_is_no_number_ends_training_in_one_line():
-    with pytest.raises(TrainingError, match=r"epoch 1: the loss is nan; expected a number; lower --lr"):
+    with pytest.raises(
+        TrainingError, match=r"epoch 1: the loss is nan; expected a number; lower --lr"
+    ):
         finish(make_trainer(World(broken=True)))
 
 
@@ -204,14 +247,18 @@ def test_no_batches_are_refused():
 
 
 def test_fewer_held_out_batches_than_processes_are_refused():
-    with pytest.raises(TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"):
+    with pytest.raises(
+        TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"
+    ):
         make_trainer(World(6), World(2), ranks=Ranks(0, 3))
     with pytest.raises(TrainingError, match="raise --validation-batches"):
         make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
 
 
 @pytest.mark.parametrize("part", ["learn", "validate"])
-@pytest.mark.parametrize("error", [MemoryError(), torch.cuda.OutOfMemoryError("CUDA out of memory. Tried"), None])
+@pytest.mark.parametrize(
+    "error", [MemoryError(), torch.cuda.OutOfMemoryError("CUDA out of memory. Tried"), None]
+)
 def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
     trainer = make_trainer(validation=World(2))
 
@@ -222,8 +269,12 @@ def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
 
     monkeypatch.setattr(trainer._objective, "evaluate", evaluate)
     batches = [_tensors(batch) for batch in World(1).epoch(0)]
-    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[part]
-    with pytest.raises(TrainingError, match="out of memory; expected room for a batch; lower --batch-size"):
+    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[
+        part
+    ]
+    with pytest.raises(
+        TrainingError, match="out of memory; expected room for a batch; lower --batch-size"
+    ):
         work()
 
 
@@ -266,22 +317,31 @@ def test_scores_equal_those_counted_point_by_point():
     true, predicted = rng.integers(0, 3, 200), rng.integers(0, NUM_CLASSES, 200)
     true[::7] = 255
     instance = rng.integers(0, 5, 200)
-    embedding = torch.nn.functional.normalize(torch.tensor(rng.normal(size=(200, 8)).astype(np.float32)), dim=1)
+    embedding = torch.nn.functional.normalize(
+        torch.tensor(rng.normal(size=(200, 8)).astype(np.float32)), dim=1
+    )
     for part in (slice(0, 120), slice(120, 200)):
         logits = torch.nn.functional.one_hot(torch.tensor(predicted[part]), NUM_CLASSES).float()
         batch = TensorBatch(logits, None, torch.tensor(true[part]), torch.tensor(instance[part]))
-        tally.add(Outcome(torch.tensor([1.0, 2.0, 0.0]), logits, embedding[part]), torch.tensor(3.0), batch)
+        tally.add(
+            Outcome(torch.tensor([1.0, 2.0, 0.0]), logits, embedding[part]),
+            torch.tensor(3.0),
+            batch,
+        )
     scores = tally.scores()
     known = true != 255
     iou = [
-        (known & (true == c) & (predicted == c)).sum() / (known & ((true == c) | (predicted == c))).sum()
+        (known & (true == c) & (predicted == c)).sum()
+        / (known & ((true == c) | (predicted == c))).sum()
         for c in range(3)
     ]
     assert scores.accuracy == pytest.approx((true == predicted)[known].mean())
     assert scores.iou == (*[pytest.approx(value) for value in iou], None)
     assert scores.miou == pytest.approx(np.mean(iou))
     assert (scores.loss, scores.class_loss, scores.instance_loss) == (3, 1, 2)
-    assert scores.embedding_accuracy == pytest.approx(embedding_accuracy(embedding.numpy(), instance))
+    assert scores.embedding_accuracy == pytest.approx(
+        embedding_accuracy(embedding.numpy(), instance)
+    )
 
 
 def embedding_accuracy(embedding, instance):
@@ -325,8 +385,14 @@ def test_leaving_early_ends_the_thread():
 
 def test_a_checkpoint_of_other_settings_is_refused_with_their_names(tmp_path):
     path = tmp_path / "a.checkpoint"
-    write_checkpoint(path, make_trainer().state(), {"settings": {"learning_rate": 0.1, "seed": 1}, "classes": ["a"]})
-    with pytest.raises(StateError, match=r"another learning rate \(0.1, not 0.2\); expected the same.*--overwrite"):
+    write_checkpoint(
+        path,
+        make_trainer().state(),
+        {"settings": {"learning_rate": 0.1, "seed": 1}, "classes": ["a"]},
+    )
+    with pytest.raises(
+        StateError, match=r"another learning rate \(0.1, not 0.2\); expected the same.*--overwrite"
+    ):
         read_checkpoint(path, {"settings": {"learning_rate": 0.2, "seed": 1}, "classes": ["a"]})
 
 
@@ -335,7 +401,9 @@ def test_a_damaged_checkpoint_is_refused_in_one_line(damage, tmp_path):
     path = tmp_path / "a.checkpoint"
     write_checkpoint(path, make_trainer().state(), {})
     path.write_bytes(path.read_bytes()[:-100] if damage is None else damage)
-    with pytest.raises(StateError, match=r"a\.checkpoint: not a checkpoint of this version, or damaged; expected"):
+    with pytest.raises(
+        StateError, match=r"a\.checkpoint: not a checkpoint of this version, or damaged; expected"
+    ):
         read_checkpoint(path, {})
 
 
@@ -358,7 +426,10 @@ def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
 
 def test_only_one_process_may_write(tmp_path):
     with exclusive(tmp_path, "a.lock"):
-        with pytest.raises(StateInUseError, match="another mcpseg is writing there"), exclusive(tmp_path, "a.lock"):
+        with (
+            pytest.raises(StateInUseError, match="another mcpseg is writing there"),
+            exclusive(tmp_path, "a.lock"),
+        ):
             pass
         assert (tmp_path / "a.lock").exists()
     assert not (tmp_path / "a.lock").exists()

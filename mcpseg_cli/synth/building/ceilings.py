@@ -22,14 +22,23 @@ from mcpseg_cli.synth.geometry.solids import (
     tube,
 )
 from mcpseg_cli.synth.plan import CeilingKind, Room
-from mcpseg_cli.synth.surfaces.materials import Colour, Material
-from mcpseg_cli.synth.surfaces.styles import LampKind, Style, paint, pick_colour, pick_metal, pick_wood
+from mcpseg_cli.synth.surfaces.materials import Material, kelvin_colour
+from mcpseg_cli.synth.surfaces.styles import (
+    LampKind,
+    Style,
+    paint,
+    pick_colour,
+    pick_metal,
+    pick_wood,
+)
 
 TILE = 0.6
 """Edge of a suspended ceiling's tile, metres."""
 
 
-def build_ceiling(room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator) -> list[Item]:
+def build_ceiling(
+    room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator
+) -> list[Item]:
     """Build the ceiling of a room and what hangs from it.
 
     Args:
@@ -39,8 +48,8 @@ def build_ceiling(room: Room, style: Style, rng: np.random.Generator, finish: np
         finish: Those that the surface and the kind of lamp are drawn from.
 
     Returns:
-        One ``ceiling`` and ``clutter`` for lamps (the burning ones glow), in public buildings also for vents and
-        detectors, in the map frame.
+        One ``ceiling`` and ``clutter`` for lamps (the burning ones glow), in public buildings also
+        for vents and detectors, in the map frame.
     """
     (x0, y0), (x1, y1) = room.low, room.high
     sheet = quad((x0, y1, room.ceiling), (x1 - x0, 0, 0), (0, y0 - y1, 0))
@@ -50,13 +59,6 @@ def build_ceiling(room: Room, style: Style, rng: np.random.Generator, finish: np
     if style.is_public:
         items += _small(room, taken, rng)
     return items
-
-
-def kelvin_colour(kelvin: float) -> Colour:
-    """Return the colour of a lamp of some temperature (2000-10000 K), its brightest channel 255; a fit by eye."""
-    share = float(np.clip((kelvin - 2000) / 4500, 0, 1.6))
-    red = 255.0 if share < 1 else 255 - 60 * (share - 1)
-    return red, min(150 + 105 * share**0.6, 250.0), min(60 + 190 * share**0.9, 255.0)
 
 
 def _face(kind: CeilingKind, style: Style, rng: np.random.Generator) -> Material:
@@ -70,14 +72,23 @@ def _face(kind: CeilingKind, style: Style, rng: np.random.Generator) -> Material
             int(rng.integers(1 << 30)),
         )
     if kind == "concrete":
-        return paint(pick_colour(((138, 136, 132), (164, 162, 156), (206, 204, 198)), rng), rng, "concrete", 1.5)
+        return paint(
+            pick_colour(((138, 136, 132), (164, 162, 156), (206, 204, 198)), rng),
+            rng,
+            "concrete",
+            1.5,
+        )
     if kind == "boards":
         return replace(pick_wood(style, rng), scale=rng.uniform(0.08, 0.16))
     return paint(pick_colour(((232, 230, 224), (216, 212, 200)), rng), rng, "plaster", 0.8)
 
 
 def _lamps(
-    room: Room, style: Style, taken: list[NDArray[np.float64]], rng: np.random.Generator, finish: np.random.Generator
+    room: Room,
+    style: Style,
+    taken: list[NDArray[np.float64]],
+    rng: np.random.Generator,
+    finish: np.random.Generator,
 ) -> list[Item]:
     """Hang lamps in rows; a room may have them all off, and single ones fail."""
     kind = style.lamps[int(finish.integers(len(style.lamps)))]
@@ -100,25 +111,42 @@ def _lamps(
             half = _half_size(kind, along)
             if (spot - half < room.low + 0.05).any() or (spot + half > room.high - 0.05).any():
                 continue
-            if any((spot + half + 0.05 > t[0]).all() and (spot - half - 0.05 < t[1]).all() for t in taken):
+            if any(
+                (spot + half + 0.05 > t[0]).all() and (spot - half - 0.05 < t[1]).all()
+                for t in taken
+            ):
                 continue
             bulb = Material("plain", colour, colour, 0.1, 0, lit)
             parts = _lamp(kind, half, drop, metal, shade, bulb)
-            items.append(Item("clutter", tuple(p.moved(float(spot[0]), float(spot[1]), room.ceiling) for p in parts)))
+            items.append(
+                Item(
+                    "clutter",
+                    tuple(p.moved(float(spot[0]), float(spot[1]), room.ceiling) for p in parts),
+                )
+            )
     return items
 
 
 def _half_size(kind: LampKind, along: int) -> NDArray[np.float64]:
     """Return half of a lamp's extent in x and y."""
     long, short = {
-        "panel": (0.3, 0.3), "trough": (0.6, 0.3), "strip": (0.65, 0.06), "pendant": (0.2, 0.2), "globe": (0.16, 0.16),
+        "panel": (0.3, 0.3),
+        "trough": (0.6, 0.3),
+        "strip": (0.65, 0.06),
+        "pendant": (0.2, 0.2),
+        "globe": (0.16, 0.16),
         "downlight": (0.09, 0.09),
-    }[kind]  # fmt: skip
+    }[kind]
     return np.array([long, short] if along == 0 else [short, long])
 
 
 def _lamp(
-    kind: LampKind, half: NDArray[np.float64], drop: float, metal: Material, shade: Material, bulb: Material
+    kind: LampKind,
+    half: NDArray[np.float64],
+    drop: float,
+    metal: Material,
+    shade: Material,
+    bulb: Material,
 ) -> list[Part]:
     """Build a lamp that hangs from z = 0."""
     x, y = half.tolist()
@@ -137,14 +165,21 @@ def _lamp(
         body = box((-x, -y, -drop * 0.6 - 0.06), (x, y, -drop * 0.6))
         lens = quad((-x, y, -drop * 0.6 - 0.062), (2 * x, 0, 0), (0, -2 * y, 0))
         wires = [
-            tube((sx * x * 0.8, sy * y * 0.8, -drop * 0.6), (sx * x * 0.8, sy * y * 0.8, 0), 0.004, 4)
+            tube(
+                (sx * x * 0.8, sy * y * 0.8, -drop * 0.6), (sx * x * 0.8, sy * y * 0.8, 0), 0.004, 4
+            )
             for sx, sy in ((-1, -1), (1, 1))
         ]
-        return [part_of(body, white), part_of(lens, bulb), *(part_of(wire, metal) for wire in wires)]
+        return [
+            part_of(body, white),
+            part_of(lens, bulb),
+            *(part_of(wire, metal) for wire in wires),
+        ]
     if kind == "pendant":
         cone = np.stack([circle(0.04, 12), circle(0.2, 12)])
         ring = [
-            np.column_stack([outline, np.full(12, z)]) for outline, z in zip(cone, (-drop + 0.18, -drop), strict=True)
+            np.column_stack([outline, np.full(12, z)])
+            for outline, z in zip(cone, (-drop + 0.18, -drop), strict=True)
         ]
         closed = [np.concatenate([r, r[:1]]) for r in ring]
         return [
@@ -153,7 +188,10 @@ def _lamp(
             part_of(tube((0, 0, -drop + 0.17), (0, 0, 0), 0.005, 4), metal),
         ]
     if kind == "globe":
-        return [part_of(cylinder(0.06, -0.03, 0, 10), metal), part_of(shifted(ball((0.15, 0.15, 0.12)), z=-0.14), bulb)]
+        return [
+            part_of(cylinder(0.06, -0.03, 0, 10), metal),
+            part_of(shifted(ball((0.15, 0.15, 0.12)), z=-0.14), bulb),
+        ]
     return [
         part_of(prism(circle(0.09, 10), -0.012, 0), white),
         part_of(np.ascontiguousarray(prism(circle(0.07, 10), -0.014, -0.013)), bulb),
@@ -176,5 +214,10 @@ def _small(room: Room, taken: list[NDArray[np.float64]], rng: np.random.Generato
             solid, face = prism(circle(0.06, 8), -0.05, 0), white
         else:
             solid, face = prism(circle(0.02, 6), -0.07, 0), white
-        items.append(Item("clutter", (part_of(shifted(solid, float(spot[0]), float(spot[1]), room.ceiling), face),)))
+        items.append(
+            Item(
+                "clutter",
+                (part_of(shifted(solid, float(spot[0]), float(spot[1]), room.ceiling), face),),
+            )
+        )
     return items

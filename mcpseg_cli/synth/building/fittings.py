@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from mcpseg_cli.synth.plan import CeilingKind, Fixture, Opening, Room
 from mcpseg_cli.synth.surfaces.styles import Style
 
-_UNDER_TILES = 0.2  # of the usual share of rooms with beams, where a suspended ceiling would hide them
+_UNDER_TILES = (
+    0.2  # of the usual share of rooms with beams, where a suspended ceiling would hide them
+)
 _IN_HALLS = 0.6  # the same in corridors
 
 
@@ -31,8 +33,12 @@ def fit_out(rooms: list[Room], style: Style, rng: np.random.Generator) -> list[R
     for room in rooms:
         room = _service_doors(room, rng) if room.kind == "hallway" else room
         room = replace(room, ceiling_kind=_ceiling_kind(room, style, rng))
-        columns = [column for column in _columns(room, style, bay, rng) if not _blocks(room, column)]
-        room = _windows(replace(room, fixtures=tuple(_apart(columns))), style, rng)  # windows lie between columns
+        columns = [
+            column for column in _columns(room, style, bay, rng) if not _blocks(room, column)
+        ]
+        room = _windows(
+            replace(room, fixtures=tuple(_apart(columns))), style, rng
+        )  # windows lie between columns
         fixtures = [*columns, *_shafts(room, rng), *_radiators(room, rng)]
         fixtures = [fixture for fixture in fixtures if not _blocks(room, fixture)]
         fixtures = _apart(fixtures) + _beams(room, style, bay, rng)
@@ -54,7 +60,11 @@ def wall_of(room: Room, side: int) -> tuple[float, float, float, float]:
 
 
 def at_wall(
-    room: Room, side: int, along: tuple[float, float], out: tuple[float, float], up: tuple[float, float]
+    room: Room,
+    side: int,
+    along: tuple[float, float],
+    out: tuple[float, float],
+    up: tuple[float, float],
 ) -> NDArray[np.float64]:
     """Return the (2, 3) box at a wall: a stretch along it, distances from it into the room, and heights."""
     _, _, place, inwards = wall_of(room, side)
@@ -70,9 +80,13 @@ def free_stretches(
     """Return the stretches of a wall that have no opening between two heights and no column or shaft before them."""
     start, end, _, _ = wall_of(room, side)
     blocked = [
-        (o.start - margin, o.end + margin) for o in room.openings if o.side == side and o.low < high and o.high > low
+        (o.start - margin, o.end + margin)
+        for o in room.openings
+        if o.side == side and o.low < high and o.high > low
     ]
-    strip = at_wall(room, side, (start, end), (0, 0.35), (low + 0.01, min(high, room.ceiling) - 0.01))
+    strip = at_wall(
+        room, side, (start, end), (0, 0.35), (low + 0.01, min(high, room.ceiling) - 0.01)
+    )
     blocked += [
         (float(f.low[side % 2]) - margin, float(f.high[side % 2]) + margin)
         for f in room.fixtures
@@ -92,37 +106,55 @@ def free_stretches(
 def _ceiling_kind(room: Room, style: Style, rng: np.random.Generator) -> CeilingKind:
     """Draw what a ceiling is made of, the same in all corridors of a building."""
     finish = np.random.default_rng(style.hall_seed) if room.kind == "hallway" else rng
-    return style.ceilings[int(finish.integers(len(style.ceilings)))] if finish.random() < 0.4 else style.ceilings[0]
+    return (
+        style.ceilings[int(finish.integers(len(style.ceilings)))]
+        if finish.random() < 0.4
+        else style.ceilings[0]
+    )
 
 
 def _glass_walls(rooms: list[Room], style: Style, rng: np.random.Generator) -> list[Room]:
     """Put glass into walls between rooms and corridors, the same pane on both sides."""
     added: dict[int, list[Opening]] = {index: [] for index in range(len(rooms))}
     for index, room in enumerate(rooms):
-        if room.kind not in ("office", "conferenceRoom", "openspace", "lounge") or rng.random() > style.glass_walls:
+        if (
+            room.kind not in ("office", "conferenceRoom", "openspace", "lounge")
+            or rng.random() > style.glass_walls
+        ):
             continue
         for door in [o for o in room.openings if o.kind == "door"][:1]:
             halls = [
                 (number, hall, twin)
-                for number, hall in enumerate(rooms) for twin in hall.openings
-                if hall.kind == "hallway" and twin.side == (door.side + 2) % 4 and twin.start == door.start
-            ]  # fmt: skip
+                for number, hall in enumerate(rooms)
+                for twin in hall.openings
+                if hall.kind == "hallway"
+                and twin.side == (door.side + 2) % 4
+                and twin.start == door.start
+            ]
             if not halls:
                 continue
             number, hall, twin = halls[0]
             hall_with = replace(hall, openings=hall.openings + tuple(added[number]))
             shared = [
                 (max(a, c), min(b, d))
-                for a, b in free_stretches(room, door.side) for c, d in free_stretches(hall_with, twin.side)
+                for a, b in free_stretches(room, door.side)
+                for c, d in free_stretches(hall_with, twin.side)
                 if min(b, d) - max(a, c) > 0.6
-            ]  # fmt: skip
-            low, high = (0.08, door.high) if rng.random() < 0.5 else (rng.uniform(0.8, 1.1), door.high)
+            ]
+            low, high = (
+                (0.08, door.high) if rng.random() < 0.5 else (rng.uniform(0.8, 1.1), door.high)
+            )
             for start, end in shared:
                 end = min(end, start + rng.uniform(1.0, 4.0))
-                pane = Opening("window", door.side, start, end, low, high, depth=door.depth, glazing="interior")
+                pane = Opening(
+                    "window", door.side, start, end, low, high, depth=door.depth, glazing="interior"
+                )
                 added[index].append(pane)
                 added[number].append(replace(pane, side=twin.side))
-    return [replace(room, openings=room.openings + tuple(added[index])) for index, room in enumerate(rooms)]
+    return [
+        replace(room, openings=room.openings + tuple(added[index]))
+        for index, room in enumerate(rooms)
+    ]
 
 
 def _service_doors(room: Room, rng: np.random.Generator) -> Room:
@@ -133,16 +165,40 @@ def _service_doors(room: Room, rng: np.random.Generator) -> Room:
         if end - start < 4.0 and rng.random() < 0.6:
             width = min(rng.uniform(0.85, 1.75), end - start - 0.5)
             middle = (start + end) / 2
-            openings.append(Opening("door", side, middle - width / 2, middle + width / 2, 0.0, 2.1, 0.0, is_dummy=True))
+            openings.append(
+                Opening(
+                    "door",
+                    side,
+                    middle - width / 2,
+                    middle + width / 2,
+                    0.0,
+                    2.1,
+                    0.0,
+                    is_dummy=True,
+                )
+            )
     for side in range(4):
         if any(opening.side == side and opening.is_dummy for opening in openings):
             continue
         for first, last in free_stretches(room, side, 0.25):
             if last - first > 1.2 and rng.random() < 0.5:
-                width = rng.uniform(0.8, 1.0) if last - first < 2.2 or rng.random() < 0.7 else rng.uniform(1.4, 1.8)
+                width = (
+                    rng.uniform(0.8, 1.0)
+                    if last - first < 2.2 or rng.random() < 0.7
+                    else rng.uniform(1.4, 1.8)
+                )
                 start = rng.uniform(first, last - width)
                 openings.append(
-                    Opening("door", side, start, start + width, 0.0, rng.uniform(2.0, 2.15), 0.0, is_dummy=True)
+                    Opening(
+                        "door",
+                        side,
+                        start,
+                        start + width,
+                        0.0,
+                        rng.uniform(2.0, 2.15),
+                        0.0,
+                        is_dummy=True,
+                    )
                 )
     return replace(room, openings=tuple(openings))
 
@@ -166,7 +222,8 @@ def _windows(room: Room, style: Style, rng: np.random.Generator) -> Room:
                 count = max(1, int((last - first + gap) / (width + gap)))
                 inset = (last - first - count * width - (count - 1) * gap) / 2
                 spans = [
-                    (first + inset + k * (width + gap), first + inset + k * (width + gap) + width) for k in range(count)
+                    (first + inset + k * (width + gap), first + inset + k * (width + gap) + width)
+                    for k in range(count)
                 ]
                 spans = [(max(a, first), min(b, last)) for a, b in spans]
             else:
@@ -174,14 +231,18 @@ def _windows(room: Room, style: Style, rng: np.random.Generator) -> Room:
                 spans = [(first + inset, last - inset)]
             low = 0.06 if glazing == "full" else sill
             openings += [
-                Opening("window", side, a, b, low, top, depth=depth, glazing=glazing) for a, b in spans if b - a > 0.5
+                Opening("window", side, a, b, low, top, depth=depth, glazing=glazing)
+                for a, b in spans
+                if b - a > 0.5
             ]
     return replace(room, openings=tuple(openings))
 
 
 def _columns(room: Room, style: Style, bay: float, rng: np.random.Generator) -> list[Fixture]:
     """Stand columns on the building's raster: half in the walls, in wide rooms free in the middle too."""
-    if rng.random() > 1.3 * style.columns * (1.6 if room.kind in ("openspace", "lobby", "lounge") else 1.0):
+    if rng.random() > 1.3 * style.columns * (
+        1.6 if room.kind in ("openspace", "lobby", "lounge") else 1.0
+    ):
         return []
     size = rng.uniform(0.28, 0.55)
     is_round = rng.random() < 0.3
@@ -198,7 +259,10 @@ def _columns(room: Room, style: Style, bay: float, rng: np.random.Generator) -> 
         if room.kind not in ("openspace", "lobby", "lounge"):
             spots = []
     for x, y in spots:
-        low, high = np.array([x - size / 2, y - size / 2, 0.0]), np.array([x + size / 2, y + size / 2, room.ceiling])
+        low, high = (
+            np.array([x - size / 2, y - size / 2, 0.0]),
+            np.array([x + size / 2, y + size / 2, room.ceiling]),
+        )
         columns.append(Fixture("round column" if is_round else "column", low, high))
     depth = rng.uniform(0.12, 0.35)
     for side in (room.exterior or (0, 2))[:2]:
@@ -218,7 +282,9 @@ def _shafts(room: Room, rng: np.random.Generator) -> list[Fixture]:
     if rng.random() < 0.25 and room.kind != "hallway":
         size = rng.uniform(0.25, 0.7, 2)
         corner = np.where(rng.random(2) < 0.5, room.low, room.high - size)
-        shafts.append(Fixture("shaft", np.array([*corner, 0.0]), np.array([*(corner + size), room.ceiling])))
+        shafts.append(
+            Fixture("shaft", np.array([*corner, 0.0]), np.array([*(corner + size), room.ceiling]))
+        )
     if rng.random() < 0.25:
         side = int(rng.integers(4))
         wide = [span for span in free_stretches(room, side) if span[1] - span[0] > 1.0]
@@ -226,7 +292,13 @@ def _shafts(room: Room, rng: np.random.Generator) -> list[Fixture]:
             a, b = wide[int(rng.integers(len(wide)))]
             width = rng.uniform(0.4, min(1.8, b - a))
             start = rng.uniform(a, b - width)
-            low, high = at_wall(room, side, (start, start + width), (0.0, rng.uniform(0.06, 0.3)), (0.0, room.ceiling))
+            low, high = at_wall(
+                room,
+                side,
+                (start, start + width),
+                (0.0, rng.uniform(0.06, 0.3)),
+                (0.0, room.ceiling),
+            )
             shafts.append(Fixture("shaft", low, high))
     return shafts
 
@@ -236,7 +308,11 @@ def _radiators(room: Room, rng: np.random.Generator) -> list[Fixture]:
     radiators = []
     if rng.random() < 0.5:
         for window in room.openings:
-            if window.kind == "window" and window.glazing in ("single", "band") and window.low > 0.7:
+            if (
+                window.kind == "window"
+                and window.glazing in ("single", "band")
+                and window.low > 0.7
+            ):
                 width = min(window.end - window.start, rng.uniform(0.8, 1.8))
                 middle = (window.start + window.end) / 2
                 low, high = at_wall(
@@ -265,12 +341,17 @@ def _beams(room: Room, style: Style, bay: float, rng: np.random.Generator) -> li
         places.append(float(room.low[along] + width / 2))
     for middle in places or [float(room.low[along] + room.high[along]) / 2]:
         low, high = np.array([*room.low, room.ceiling - drop]), np.array([*room.high, room.ceiling])
-        low[along], high[along] = max(middle - width / 2, room.low[along]), min(middle + width / 2, room.high[along])
+        low[along], high[along] = (
+            max(middle - width / 2, room.low[along]),
+            min(middle + width / 2, room.high[along]),
+        )
         beams.append(Fixture("beam", low, high))
     return beams
 
 
-def _ducts(room: Room, style: Style, fixtures: list[Fixture], rng: np.random.Generator) -> list[Fixture]:
+def _ducts(
+    room: Room, style: Style, fixtures: list[Fixture], rng: np.random.Generator
+) -> list[Fixture]:
     """Run a duct and pipes along the room under the ceiling, below beams."""
     if room.ceiling_kind == "acoustic" or rng.random() > style.ducts or room.ceiling < 2.75:
         return []
@@ -292,7 +373,11 @@ def _ducts(room: Room, style: Style, fixtures: list[Fixture], rng: np.random.Gen
         ducts.append(Fixture("duct" if is_duct else "pipe", low, high))
         place += size + rng.uniform(0.1, 1.2)
     columns = [f for f in fixtures if f.kind != "beam"]
-    return [d for d in ducts if not any((d.low < f.high).all() and (d.high > f.low).all() for f in columns)]
+    return [
+        d
+        for d in ducts
+        if not any((d.low < f.high).all() and (d.high > f.low).all() for f in columns)
+    ]
 
 
 def _blocks(room: Room, fixture: Fixture) -> bool:
@@ -300,7 +385,11 @@ def _blocks(room: Room, fixture: Fixture) -> bool:
     for opening in room.openings:
         out = 0.05 if opening.kind == "window" else 1.1
         box = at_wall(
-            room, opening.side, (opening.start - 0.05, opening.end + 0.05), (-0.1, out), (opening.low, opening.high)
+            room,
+            opening.side,
+            (opening.start - 0.05, opening.end + 0.05),
+            (-0.1, out),
+            (opening.low, opening.high),
         )
         boxes = [box, *_kept_clear(room, opening)]
         if any((fixture.low < b[1]).all() and (fixture.high > b[0]).all() for b in boxes):
@@ -317,7 +406,9 @@ def _apart(fixtures: list[Fixture]) -> list[Fixture]:
     return kept
 
 
-def leaf_line(room: Room, opening: Opening) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def leaf_line(
+    room: Room, opening: Opening
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return hinge and far edge, (2,) each in the map frame, of every leaf of a door that stands in this room."""
     if opening.kind != "door" or opening.leaf_deg <= 0:
         return []

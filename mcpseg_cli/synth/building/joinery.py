@@ -10,10 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.synth.building.fittings import leaf_line, wall_of
-from mcpseg_cli.synth.geometry.solids import Item, Part, Triangles, box, part_of, quad, surface, tube
+from mcpseg_cli.synth.geometry.solids import (
+    Item,
+    Part,
+    Triangles,
+    box,
+    part_of,
+    quad,
+    surface,
+    tube,
+)
 from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.surfaces.materials import Material
-from mcpseg_cli.synth.surfaces.styles import DoorKind, Style, paint, pick_colour, pick_metal, pick_wood
+from mcpseg_cli.synth.surfaces.styles import (
+    DoorKind,
+    Style,
+    paint,
+    pick_colour,
+    pick_metal,
+    pick_wood,
+)
 
 Shade = Literal["none", "slats", "roller", "curtain"]
 
@@ -45,13 +61,18 @@ def build_doors(room: Room, style: Style, rng: np.random.Generator) -> list[Item
     kind = style.doors[int(rng.integers(len(style.doors)))]
     face, trim = _door_materials(kind, style, rng)
     return [
-        Item("door", tuple(_frame(room, opening, trim) + _leaves(room, opening, kind, face, style, rng)))
+        Item(
+            "door",
+            tuple(_frame(room, opening, trim) + _leaves(room, opening, kind, face, style, rng)),
+        )
         for opening in room.openings
         if opening.kind == "door"
     ]
 
 
-def _door_materials(kind: DoorKind, style: Style, rng: np.random.Generator) -> tuple[Material, Material]:
+def _door_materials(
+    kind: DoorKind, style: Style, rng: np.random.Generator
+) -> tuple[Material, Material]:
     """Draw the surfaces of leaf and frame."""
     if kind == "steel":
         steel = paint(pick_colour(style.accents, rng), rng, "plain")
@@ -71,15 +92,23 @@ def _frame(room: Room, opening: Opening, trim: Material) -> list[Part]:
     low, high = room.reach_of(opening.side)
     left, right = max(a - 0.06, low), min(b + 0.06, high)
     boxes = [
-        box((a, deep, 0), (a + 0.04, 0.014, top)), box((b - 0.04, deep, 0), (b, 0.014, top)),
-        box((a + 0.04, deep, top - 0.04), (b - 0.04, 0.014, top)), box((left, 0, 0), (a, 0.014, top)),
-        box((b, 0, 0), (right, 0.014, top)), box((left, 0, top), (right, 0.014, min(top + 0.06, room.ceiling))),
-    ]  # fmt: skip
+        box((a, deep, 0), (a + 0.04, 0.014, top)),
+        box((b - 0.04, deep, 0), (b, 0.014, top)),
+        box((a + 0.04, deep, top - 0.04), (b - 0.04, 0.014, top)),
+        box((left, 0, 0), (a, 0.014, top)),
+        box((b, 0, 0), (right, 0.014, top)),
+        box((left, 0, top), (right, 0.014, min(top + 0.06, room.ceiling))),
+    ]
     return [part_of(on_wall(solid, room, opening.side), trim) for solid in boxes]
 
 
 def _leaves(
-    room: Room, opening: Opening, kind: DoorKind, face: Material, style: Style, rng: np.random.Generator
+    room: Room,
+    opening: Opening,
+    kind: DoorKind,
+    face: Material,
+    style: Style,
+    rng: np.random.Generator,
 ) -> list[Part]:
     """Hang the leaf, or both of a double door."""
     if opening.leaf_deg < 0:
@@ -93,12 +122,16 @@ def _leaves(
         _, _, _, inwards = wall_of(room, opening.side)
         turned = inwards * float(np.cos(yaw) if opening.side % 2 == 0 else -np.sin(yaw))
         faces = (-1.0, 1.0) if opening.leaf_deg > 0 else (float(np.sign(turned)),)
-        leaf = _leaf(float(np.linalg.norm(along)), opening.high - 0.045, kind, (face, metal), faces, rng)
+        leaf = _leaf(
+            float(np.linalg.norm(along)), opening.high - 0.045, kind, (face, metal), faces, rng
+        )
         parts += [part.moved(x=float(hinge[0]), y=float(hinge[1]), yaw=yaw) for part in leaf]
     return parts
 
 
-def _closed_lines(room: Room, opening: Opening) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _closed_lines(
+    room: Room, opening: Opening
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return hinge and far edge of the leaves of a closed door, which stands in the middle of its wall."""
     _, _, place, inwards = wall_of(room, opening.side)
     a, b, middle = opening.start + 0.04, opening.end - 0.04, (opening.start + opening.end) / 2
@@ -106,7 +139,10 @@ def _closed_lines(room: Room, opening: Opening) -> list[tuple[NDArray[np.float64
     spans = [(a, middle - 0.004), (b, middle + 0.004)] if opening.is_double else [single]
     across = place - inwards * (opening.depth - 0.02)
     order = -1 if opening.side % 2 else 1
-    return [(np.array([first, across][::order]), np.array([last, across][::order])) for first, last in spans]
+    return [
+        (np.array([first, across][::order]), np.array([last, across][::order]))
+        for first, last in spans
+    ]
 
 
 def _leaf(
@@ -124,35 +160,57 @@ def _leaf(
     if kind == "glazed":
         stile = rng.uniform(0.08, 0.14)
         solids = [
-            box((0, -0.02, 0.01), (stile, 0.02, top)), box((length - stile, -0.02, 0.01), (length, 0.02, top)),
-            box((stile, -0.02, 0.01), (length - stile, 0.02, 0.25)), box((stile, -0.02, top - stile),
-                (length - stile, 0.02, top)),
-        ]  # fmt: skip
+            box((0, -0.02, 0.01), (stile, 0.02, top)),
+            box((length - stile, -0.02, 0.01), (length, 0.02, top)),
+            box((stile, -0.02, 0.01), (length - stile, 0.02, 0.25)),
+            box((stile, -0.02, top - stile), (length - stile, 0.02, top)),
+        ]
         parts = [part_of(solid, face) for solid in solids]
-        parts.append(part_of(quad((stile, 0, 0.25), (length - 2 * stile, 0, 0), (0, 0, top - stile - 0.25)), glass))
+        parts.append(
+            part_of(
+                quad((stile, 0, 0.25), (length - 2 * stile, 0, 0), (0, 0, top - stile - 0.25)),
+                glass,
+            )
+        )
     else:
         parts = [part_of(box((0, -0.02, 0.01), (length, 0.02, top)), face)]
     if kind == "panelled":
         for z0, z1 in ((0.2, 0.9), (1.1, top - 0.2)):
             parts.append(
-                part_of(box((0.13, -0.028, z0), (length - 0.13, 0.028, z1)), replace(face, seed=face.seed + 2))
+                part_of(
+                    box((0.13, -0.028, z0), (length - 0.13, 0.028, z1)),
+                    replace(face, seed=face.seed + 2),
+                )
             )
     elif kind != "glazed" and length > 0.6 and rng.random() < 0.35:
         x0 = length - rng.uniform(0.3, 0.4)
-        parts.append(part_of(box((x0, -0.023, rng.uniform(0.9, 1.2)), (x0 + 0.15, 0.023, top - 0.2)), glass))
+        parts.append(
+            part_of(box((x0, -0.023, rng.uniform(0.9, 1.2)), (x0 + 0.15, 0.023, top - 0.2)), glass)
+        )
     if rng.random() < 0.3:
         parts.append(part_of(box((0.03, -0.023, 0.03), (length - 0.03, 0.023, 0.25)), metal))
     for face_y in handles:
         x, y = length - 0.07, face_y * 0.02
-        parts.append(part_of(box((x - 0.02, min(y, y * 1.4), 0.94), (x + 0.02, max(y, y * 1.4), 1.14)), metal))
+        parts.append(
+            part_of(
+                box((x - 0.02, min(y, y * 1.4), 0.94), (x + 0.02, max(y, y * 1.4), 1.14)), metal
+            )
+        )
         parts.append(part_of(tube((x, y, 1.05), (x, y + face_y * 0.05, 1.05), 0.01), metal))
         parts.append(
-            part_of(tube((x + 0.01, y + face_y * 0.05, 1.05), (x - 0.12, y + face_y * 0.05, 1.05), 0.011), metal)
+            part_of(
+                tube(
+                    (x + 0.01, y + face_y * 0.05, 1.05), (x - 0.12, y + face_y * 0.05, 1.05), 0.011
+                ),
+                metal,
+            )
         )
     return parts
 
 
-def build_windows(room: Room, style: Style, daylight: float, rng: np.random.Generator) -> list[Item]:
+def build_windows(
+    room: Room, style: Style, daylight: float, rng: np.random.Generator
+) -> list[Item]:
     """Build the windows of a room, with what hangs before them.
 
     Args:
@@ -162,13 +220,18 @@ def build_windows(room: Room, style: Style, daylight: float, rng: np.random.Gene
         rng: Random numbers.
 
     Returns:
-        A ``window`` for each opening of that kind and ``clutter`` for blinds and curtains, in the map frame.
+        A ``window`` for each opening of that kind and ``clutter`` for blinds and curtains, in the
+        map frame.
     """
     colour = pick_colour(((228, 226, 220), (70, 72, 74), (150, 152, 154), (110, 84, 60)), rng)
     trim = paint(colour, rng, "plain" if rng.random() < 0.7 else "metal")
     shades: tuple[Shade, ...] = ("none", "slats", "roller", "curtain")
     shade = shades[int(rng.choice(4, p=style.shades))]
-    cloth = paint(pick_colour(style.walls + style.accents, rng), rng, "weave" if shade == "curtain" else "plain")
+    cloth = paint(
+        pick_colour(style.walls + style.accents, rng),
+        rng,
+        "weave" if shade == "curtain" else "plain",
+    )
     glass = _glass(daylight, rng)
     items = []
     for opening in room.openings:
@@ -187,10 +250,14 @@ def _glass(daylight: float, rng: np.random.Generator) -> Material:
         red, green, blue = np.clip(np.array([188, 206, 226]) + shift, 90, 255).tolist()
         return Material("glass", (red, green, blue), (214, 222, 226), 0.6, glow=daylight)
     red, green, blue = np.clip(np.array([84, 98, 114]) + shift, 30, 160).tolist()
-    return Material("glass", (red, green, blue), (red + 60, green + 64, blue + 66), 0.6, glow=0.35 * daylight)
+    return Material(
+        "glass", (red, green, blue), (red + 60, green + 64, blue + 66), 0.6, glow=0.35 * daylight
+    )
 
 
-def _window(room: Room, opening: Opening, trim: Material, outside: Material, rng: np.random.Generator) -> Item:
+def _window(
+    room: Room, opening: Opening, trim: Material, outside: Material, rng: np.random.Generator
+) -> Item:
     """Build frame, mullions, panes and sill of one window."""
     a, b, low, high = opening.start, opening.end, opening.low, opening.high
     is_inside = opening.glazing == "interior"
@@ -208,8 +275,14 @@ def _window(room: Room, opening: Opening, trim: Material, outside: Material, rng
     if high - low > 1.0 and rng.random() < 0.5:
         z = low + (high - low) * rng.uniform(0.25, 0.75)
         step = rim / 2 + 0.001
-        bars += [((x0 + step, z - rim / 2), (x1 - step, z + rim / 2)) for x0, x1 in itertools.pairwise(edges)]
-    parts = [part_of(on_wall(box((p[0], back, p[1]), (q[0], front, q[1])), room, opening.side), trim) for p, q in bars]
+        bars += [
+            ((x0 + step, z - rim / 2), (x1 - step, z + rim / 2))
+            for x0, x1 in itertools.pairwise(edges)
+        ]
+    parts = [
+        part_of(on_wall(box((p[0], back, p[1]), (q[0], front, q[1])), room, opening.side), trim)
+        for p, q in bars
+    ]
     inside = Material("glass", (96, 106, 110), (158, 168, 172), 0.6)
     glass = replace(inside if is_inside else outside, seed=int(rng.integers(1 << 30)))
     plane = (back + front) / 2
@@ -222,7 +295,9 @@ def _window(room: Room, opening: Opening, trim: Material, outside: Material, rng
     return Item("window", tuple(parts))
 
 
-def _shade(room: Room, opening: Opening, shade: Shade, cloth: Material, rng: np.random.Generator) -> Item:
+def _shade(
+    room: Room, opening: Opening, shade: Shade, cloth: Material, rng: np.random.Generator
+) -> Item:
     """Hang a blind or a curtain before a window."""
     a, b, low, high = opening.start + 0.03, opening.end - 0.03, opening.low, opening.high
     out = 0.09 - opening.depth if opening.depth > 0.13 else 0.03
@@ -233,15 +308,26 @@ def _shade(room: Room, opening: Opening, shade: Shade, cloth: Material, rng: np.
     else:
         low = high - (high - low) * float(np.clip(rng.beta(0.8, 0.8), 0.1, 0.97))
         spans = [(a, b)]
-    parts = [part_of(on_wall(box((a, out - 0.02, high - 0.05), (b, out + 0.03, high)), room, opening.side), cloth)]
+    parts = [
+        part_of(
+            on_wall(box((a, out - 0.02, high - 0.05), (b, out + 0.03, high)), room, opening.side),
+            cloth,
+        )
+    ]
     for first, last in spans:
-        along = np.linspace(first, last, max(int((last - first) / 0.03), 2) if shade == "curtain" else 2)
-        up = np.linspace(low, high - 0.05, max(int((high - low) / 0.025), 3) if shade == "slats" else 2)
+        along = np.linspace(
+            first, last, max(int((last - first) / 0.03), 2) if shade == "curtain" else 2
+        )
+        up = np.linspace(
+            low, high - 0.05, max(int((high - low) / 0.025), 3) if shade == "slats" else 2
+        )
         x, z = np.meshgrid(along, up, indexing="ij")
         y = np.full(x.shape, out)
         if shade == "curtain":
             y = y + 0.03 * np.sin(x * 2 * np.pi / 0.14) + 0.01 * np.sin(7 * x)
         elif shade == "slats":
             y = y + 0.014 * np.where(np.arange(len(up)) % 2, 1, -1)
-        parts.append(part_of(on_wall(surface(np.stack([x, y, z], axis=-1)), room, opening.side), cloth))
+        parts.append(
+            part_of(on_wall(surface(np.stack([x, y, z], axis=-1)), room, opening.side), cloth)
+        )
     return Item("clutter", tuple(parts))

@@ -15,17 +15,33 @@ Rectangle = tuple[float, float, float, float]
 """Lowest x, lowest y, highest x, highest y."""
 
 _WIDTHS: dict[RoomKind, tuple[float, float]] = {
-    "office": (2.6, 5.2), "conferenceRoom": (4.0, 8.0), "lounge": (4.0, 8.0), "storage": (2.5, 4.5),
-        "openspace": (7.0, 11.5),
-    "pantry": (2.6, 4.5), "copyRoom": (2.5, 4.0), "WC": (2.5, 4.5), "lobby": (6.0, 9.0), "hallway": (2.0, 2.0),
-    "livingRoom": (3.5, 5.6), "diningRoom": (3.0, 4.4), "kitchen": (2.4, 4.0), "bedroom": (2.9, 4.4),
-    "study": (2.4, 3.6), "bathroom": (1.9, 2.8),
-}  # fmt: skip
+    "office": (2.6, 5.2),
+    "conferenceRoom": (4.0, 8.0),
+    "lounge": (4.0, 8.0),
+    "storage": (2.5, 4.5),
+    "openspace": (7.0, 11.5),
+    "pantry": (2.6, 4.5),
+    "copyRoom": (2.5, 4.0),
+    "WC": (2.5, 4.5),
+    "lobby": (6.0, 9.0),
+    "hallway": (2.0, 2.0),
+    "livingRoom": (3.5, 5.6),
+    "diningRoom": (3.0, 4.4),
+    "kitchen": (2.4, 4.0),
+    "bedroom": (2.9, 4.4),
+    "study": (2.4, 3.6),
+    "bathroom": (1.9, 2.8),
+}
 _SHALLOW = ("storage", "copyRoom", "pantry", "WC", "bathroom", "kitchen")
 _AT_MOST: dict[RoomKind, tuple[int, int]] = {
-    "openspace": (1, 9), "storage": (2, 12), "WC": (1, 20), "pantry": (1, 20), "bathroom": (1, 8), "study": (1, 8),
+    "openspace": (1, 9),
+    "storage": (2, 12),
+    "WC": (1, 20),
+    "pantry": (1, 20),
+    "bathroom": (1, 8),
+    "study": (1, 8),
     "kitchen": (1, 6),
-}  # fmt: skip
+}
 """So many, and another for every so many rooms of any kind."""
 
 
@@ -55,7 +71,10 @@ class Space:
         return (
             start >= low + margin
             and end <= high - margin
-            and all(o.side != side or o.end + margin < start or o.start - margin > end for o in self.openings)
+            and all(
+                o.side != side or o.end + margin < start or o.start - margin > end
+                for o in self.openings
+            )
         )
 
 
@@ -99,29 +118,37 @@ def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Ro
 
     Args:
         style: The building's.
-        num_rooms: Rooms, corridors among them; at least 2. With 8 or more every kind the style requires is
-            among them.
+        num_rooms: Rooms, corridors among them; at least 2. With 8 or more every kind the style
+            requires is among them.
         rng: Random numbers.
 
     Returns:
-        The rooms in natural order of their names, in a map frame whose origin lies tens of metres away. They do not
-        overlap; each has a way to a corridor and corridors join each other.
+        The rooms in natural order of their names, in a map frame whose origin lies tens of metres
+        away. They do not overlap; each has a way to a corridor and corridors join each other.
 
     Raises:
         InputError: No arrangement was found.
     """
-    num_halls = max(1, round(num_rooms * rng.uniform(0.14, 0.24))) if num_rooms < 40 else round(num_rooms / 6)
+    num_halls = (
+        max(1, round(num_rooms * rng.uniform(0.14, 0.24)))
+        if num_rooms < 40
+        else round(num_rooms / 6)
+    )
     kinds = _kinds(style, num_rooms - num_halls, rng)
     height = rng.uniform(*style.height)
     for attempt in range(60):
-        halls = _corridors(style, kinds, num_halls, (1.0 + 0.06 * attempt) * _length(kinds, style), rng)
+        halls = _corridors(
+            style, kinds, num_halls, (1.0 + 0.06 * attempt) * _length(kinds, style), rng
+        )
         if not _join(halls, height, rng):
             continue
         rooms = _line_up(halls, kinds, height, style, rng)
         if len(rooms) == len(kinds):
             return _finish(halls + rooms, style, rng)
     found, expected = f"no plan found for {num_rooms} rooms", "rooms that fit along corridors"
-    raise InputError("the floor plan", found, expected, "try another number of rooms or another seed")
+    raise InputError(
+        "the floor plan", found, expected, "try another number of rooms or another seed"
+    )
 
 
 def _kinds(style: Style, count: int, rng: np.random.Generator) -> list[RoomKind]:
@@ -142,10 +169,16 @@ def _length(kinds: list[RoomKind], style: Style) -> float:
     return sum(sum(_WIDTHS[kind]) / 2 + 0.2 for kind in kinds) / 2 + 4.0
 
 
-def _corridors(style: Style, kinds: list[RoomKind], count: int, length: float, rng: np.random.Generator) -> list[Space]:
+def _corridors(
+    style: Style, kinds: list[RoomKind], count: int, length: float, rng: np.random.Generator
+) -> list[Space]:
     """Draw the boxes of the corridors: legs of the chosen shape, each cut into ``count`` pieces in all."""
     width = rng.uniform(*style.hall_width)
-    shapes = [shape for shape in style.corridors if {"straight": 1, "L": 2, "T": 2, "U": 3, "loop": 4}[shape] <= count]
+    shapes = [
+        shape
+        for shape in style.corridors
+        if {"straight": 1, "L": 2, "T": 2, "U": 3, "loop": 4}[shape] <= count
+    ]
     shape = shapes[int(rng.integers(len(shapes)))] if shapes else "straight"
     if shape == "straight":
         legs = [(0.0, 0.0, length, width)]
@@ -155,24 +188,33 @@ def _corridors(style: Style, kinds: list[RoomKind], count: int, length: float, r
     elif shape == "T":
         first = length * rng.uniform(0.5, 0.65) + 2
         middle = first * rng.uniform(0.4, 0.6)
-        legs = [(0.0, 0.0, first, width), (middle, width, middle + width, width + length - first + 7)]
+        legs = [
+            (0.0, 0.0, first, width),
+            (middle, width, middle + width, width + length - first + 7),
+        ]
     elif shape == "U":
         first, side = length * 0.4 + 12, length * 0.3 + 3
         legs = [
-            (0.0, 0.0, first, width), (0.0, width, width, width + side), (first - width, width, first, width + side),
-        ]  # fmt: skip
+            (0.0, 0.0, first, width),
+            (0.0, width, width, width + side),
+            (first - width, width, first, width + side),
+        ]
     else:
         first, side = max(length * 0.3 + 4, 16.0), max(length * 0.2, 12.0)
         legs = [
-            (0.0, 0.0, first, width), (0.0, width, width, width + side), (first - width, width, first, width + side),
+            (0.0, 0.0, first, width),
+            (0.0, width, width, width + side),
+            (first - width, width, first, width + side),
             (0.0, width + side, first, 2 * width + side),
-        ]  # fmt: skip
+        ]
     lengths = np.array([max(leg[2] - leg[0], leg[3] - leg[1]) for leg in legs])
     pieces = np.ones(len(legs), int)
     while pieces.sum() < count:
         pieces[int(np.argmax(lengths / pieces))] += 1
     return [
-        Space("hallway", box, 0.0) for leg, number in zip(legs, pieces, strict=True) for box in _cut(leg, number, rng)
+        Space("hallway", box, 0.0)
+        for leg, number in zip(legs, pieces, strict=True)
+        for box in _cut(leg, number, rng)
     ]
 
 
@@ -183,7 +225,10 @@ def _cut(leg: Rectangle, count: int, rng: np.random.Generator) -> list[Rectangle
     low, high = (x0, x1) if along_x else (y0 + 0.12, y1 - 0.12)
     cuts = low + (high - low) * (np.arange(1, count) + rng.uniform(-0.15, 0.15, count - 1)) / count
     edges = [low, *cuts.tolist(), high]
-    ends = [(edges[k] + (0.06 if k else 0), edges[k + 1] - (0.06 if k < count - 1 else 0)) for k in range(count)]
+    ends = [
+        (edges[k] + (0.06 if k else 0), edges[k + 1] - (0.06 if k < count - 1 else 0))
+        for k in range(count)
+    ]
     return [(a, y0, b, y1) if along_x else (x0, a, x1, b) for a, b in ends]
 
 
@@ -224,7 +269,10 @@ def _facing(first: Rectangle, second: Rectangle) -> tuple[int, float, float, flo
 def _overlaps(box: Rectangle, others: list[Rectangle], margin: float) -> bool:
     """Return whether a box comes closer than ``margin`` to any other."""
     return any(
-        box[0] < o[2] + margin and o[0] < box[2] + margin and box[1] < o[3] + margin and o[1] < box[3] + margin
+        box[0] < o[2] + margin
+        and o[0] < box[2] + margin
+        and box[1] < o[3] + margin
+        and o[1] < box[3] + margin
         for o in others
     )
 
@@ -257,13 +305,22 @@ def _line_up(
 
 def _ceiling(kind: RoomKind, height: float, rng: np.random.Generator) -> float:
     """Draw the height of a room's ceiling."""
-    extra = rng.uniform(0.2, 0.6) if kind in ("lobby", "lounge", "openspace") and rng.random() < 0.5 else 0.0
+    extra = (
+        rng.uniform(0.2, 0.6)
+        if kind in ("lobby", "lounge", "openspace") and rng.random() < 0.5
+        else 0.0
+    )
     less = rng.uniform(0.0, 0.25) if kind in _SHALLOW else 0.0
     return float(np.clip(height + extra - less + rng.normal(0, 0.03), 2.4, 4.0))
 
 
 def _try(
-    hall: Space, strip: Strip, kind: RoomKind, width: float, boxes: list[Rectangle], rng: np.random.Generator
+    hall: Space,
+    strip: Strip,
+    kind: RoomKind,
+    width: float,
+    boxes: list[Rectangle],
+    rng: np.random.Generator,
 ) -> Space | None:
     """Place a room at the first place of a strip where it and its door fit, and cut the door; None if nowhere."""
     depth = strip.depth + (rng.uniform(0.8, 2.4) if kind in ("openspace", "lobby") else 0.0)
@@ -277,7 +334,9 @@ def _try(
             if _cut_door(room, hall, strip.side, door, strip.wall, rng):
                 strip.cursor += width + strip.wall
                 return room
-        if kind in ("openspace", "lobby") or rng.random() < 0.3:  # a shallower room may fit where a deep one does not
+        if (
+            kind in ("openspace", "lobby") or rng.random() < 0.3
+        ):  # a shallower room may fit where a deep one does not
             depth = max(depth - 0.4, 3.0)
         strip.cursor += 0.35
     return None
@@ -289,10 +348,14 @@ def _door(kind: RoomKind, rng: np.random.Generator) -> Opening:
     width = rng.uniform(1.5, 1.8) if double else rng.uniform(0.82, 1.0)
     draw = rng.random()
     leaf = rng.uniform(80, 168) if draw < 0.8 else -1.0
-    return Opening("door", 0, 0.0, width, 0.0, rng.uniform(2.0, 2.2), leaf, bool(rng.random() < 0.5))
+    return Opening(
+        "door", 0, 0.0, width, 0.0, rng.uniform(2.0, 2.2), leaf, bool(rng.random() < 0.5)
+    )
 
 
-def _cut_door(room: Space, hall: Space, side: int, door: Opening, wall: float, rng: np.random.Generator) -> bool:
+def _cut_door(
+    room: Space, hall: Space, side: int, door: Opening, wall: float, rng: np.random.Generator
+) -> bool:
     """Cut a door between a room and a space on the other side of its wall, where both walls are free."""
     own = (side + 2) % 4
     low = max(room.reach(own)[0], hall.reach(side)[0]) + 0.2
@@ -300,7 +363,11 @@ def _cut_door(room: Space, hall: Space, side: int, door: Opening, wall: float, r
     width = door.end - door.start
     if high - low < width:
         return False
-    ends = [low + rng.uniform(0, 0.25), high - width - rng.uniform(0, 0.25)] if rng.random() < 0.75 else []
+    ends = (
+        [low + rng.uniform(0, 0.25), high - width - rng.uniform(0, 0.25)]
+        if rng.random() < 0.75
+        else []
+    )
     for start in [*ends, *rng.uniform(low, high - width, 4).tolist()]:
         start = float(np.clip(start, low, high - width))
         if room.is_free(own, start, start + width) and hall.is_free(side, start, start + width):
@@ -330,14 +397,23 @@ def _finish(spaces: list[Space], style: Style, rng: np.random.Generator) -> list
     boxes = [space.box for space in spaces]
     for space in spaces:
         counts[space.kind] = counts.get(space.kind, 0) + 1
-        exterior = tuple(side for side in range(4) if not _overlaps(_beyond(space.box, side), boxes, 0.0))
+        exterior = tuple(
+            side for side in range(4) if not _overlaps(_beyond(space.box, side), boxes, 0.0)
+        )
         room = Room(
-            f"{space.kind}_{counts[space.kind]}", space.kind, np.array(space.box[:2]) + shift,
-            np.array(space.box[2:]) + shift, space.ceiling,
+            f"{space.kind}_{counts[space.kind]}",
+            space.kind,
+            np.array(space.box[:2]) + shift,
+            np.array(space.box[2:]) + shift,
+            space.ceiling,
             tuple(
-                replace(o, start=o.start + shift[o.side % 2], end=o.end + shift[o.side % 2]) for o in space.openings
-            ), (), (), exterior,
-        )  # fmt: skip
+                replace(o, start=o.start + shift[o.side % 2], end=o.end + shift[o.side % 2])
+                for o in space.openings
+            ),
+            (),
+            (),
+            exterior,
+        )
         rooms.append(room)
     rooms = fit_out(rooms, style, rng)
     return sorted(rooms, key=lambda room: (room.kind.lower(), int(room.name.rsplit("_", 1)[1])))
@@ -367,12 +443,20 @@ def _connect_neighbours(spaces: list[Space], rng: np.random.Generator) -> None:
 
 def _close_some(spaces: list[Space], rng: np.random.Generator) -> None:
     """Close the doors of about one room in ten."""
-    rooms = [space for space in spaces if space.kind in ("office", "storage", "WC", "conferenceRoom", "copyRoom")]
+    rooms = [
+        space
+        for space in spaces
+        if space.kind in ("office", "storage", "WC", "conferenceRoom", "copyRoom")
+    ]
     closed = [room for room in rooms if rng.random() < 0.1][: len(spaces) // 8]
     for room in closed:
         for number, door in enumerate(room.openings):
             room.openings[number] = replace(door, leaf_deg=0.0)
             for other in spaces:
                 for index, twin in enumerate(other.openings):
-                    if twin.side == (door.side + 2) % 4 and twin.start == door.start and twin.end == door.end:
+                    if (
+                        twin.side == (door.side + 2) % 4
+                        and twin.start == door.start
+                        and twin.end == door.end
+                    ):
                         other.openings[index] = replace(twin, leaf_deg=0.0)

@@ -16,9 +16,17 @@ from mcpseg_cli.synth.surfaces.styles import Style, paint
 RUG_HEIGHT = 0.004
 """How far a rug lies over the floor, metres: less than what furniture that stands on it would be seen to sink in."""
 _COLOURS: tuple[Colour, ...] = (
-    (112, 36, 36), (134, 70, 54), (58, 64, 92), (92, 88, 84), (184, 172, 150), (206, 196, 176), (64, 62, 62),
-    (150, 118, 72), (70, 90, 84), (140, 128, 116),
-)  # fmt: skip
+    (112, 36, 36),
+    (134, 70, 54),
+    (58, 64, 92),
+    (92, 88, 84),
+    (184, 172, 150),
+    (206, 196, 176),
+    (64, 62, 62),
+    (150, 118, 72),
+    (70, 90, 84),
+    (140, 128, 116),
+)
 _PATTERNS: tuple[Pattern, ...] = ("print", "print", "carpet", "weave", "stripes", "checks")
 
 Outline = NDArray[np.float64]
@@ -40,19 +48,24 @@ def make_rug(outline: Outline, style: Style, rng: np.random.Generator) -> Item:
     pattern = _PATTERNS[rng.integers(len(_PATTERNS))]
     field = paint(colours[rng.integers(len(colours))], rng, pattern, rng.uniform(0.03, 0.4))
     other = colours[rng.integers(len(colours))]
-    field = replace(field, accent=other if pattern in ("print", "stripes", "checks") else field.accent)
+    field = replace(
+        field, accent=other if pattern in ("print", "stripes", "checks") else field.accent
+    )
     if rng.random() < 0.35:
         return Item("floor", (part_of(_sheet([outline]), field),))
     inner = outline * (1.0 - rng.uniform(0.1, 0.4) / np.ptp(outline, axis=0))
     border = paint(other, rng, "carpet", 0.1)
-    return Item("floor", (part_of(_sheet([inner]), field), part_of(_sheet(_cut(outline, inner)), border)))
+    return Item(
+        "floor", (part_of(_sheet([inner]), field), part_of(_sheet(_cut(outline, inner)), border))
+    )
 
 
 def lay_rugs(items: Sequence[Item]) -> list[Item]:
     """Join the rugs of a room with its floor, cut out under them.
 
     Args:
-        items: Objects of one room, the floor before any rugs; these are the further ones of class floor.
+        items: Objects of one room, the floor before any rugs; these are the further ones of class
+            floor.
 
     Returns:
         The same objects with all of class floor as one; the very same ones where there is no rug.
@@ -66,7 +79,11 @@ def lay_rugs(items: Sequence[Item]) -> list[Item]:
         outline = corners[ConvexHull(corners).vertices]
         parts = tuple(kept for part in parts for kept in _without(part, outline)) + rug.parts
     joined = Item("floor", parts)
-    return [joined if item is floors[0] else item for item in items if item is floors[0] or item.name != "floor"]
+    return [
+        joined if item is floors[0] else item
+        for item in items
+        if item is floors[0] or item.name != "floor"
+    ]
 
 
 def _without(part: Part, outline: Outline) -> list[Part]:
@@ -110,5 +127,7 @@ def _sheet(pieces: Sequence[Outline], level: float = RUG_HEIGHT) -> Triangles:
     """Return the triangles of convex pieces at a height, facing up."""
     if not pieces:
         return np.zeros((0, 3, 3))
-    flat = np.concatenate([np.stack([np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]], axis=1) for p in pieces])
+    flat = np.concatenate(
+        [np.stack([np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]], axis=1) for p in pieces]
+    )
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), level)], axis=2)

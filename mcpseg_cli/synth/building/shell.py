@@ -10,7 +10,18 @@ import numpy as np
 from mcpseg_cli.synth.building.ceilings import build_ceiling
 from mcpseg_cli.synth.building.fittings import free_stretches, wall_of
 from mcpseg_cli.synth.building.joinery import build_doors, build_windows, on_wall
-from mcpseg_cli.synth.geometry.solids import Item, Part, Triangles, box, circle, part_of, prism, quad, shifted, tube
+from mcpseg_cli.synth.geometry.solids import (
+    Item,
+    Part,
+    Triangles,
+    box,
+    circle,
+    part_of,
+    prism,
+    quad,
+    shifted,
+    tube,
+)
 from mcpseg_cli.synth.plan import Fixture, Opening, Room
 from mcpseg_cli.synth.surfaces.materials import Colour, Material
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_colour, pick_metal, pick_wood
@@ -28,14 +39,20 @@ def build_shell(room: Room, style: Style, rng: np.random.Generator) -> list[Item
         rng: Random numbers.
 
     Returns:
-        Objects in the map frame: one floor, one ceiling, a wall for each side, and beams, columns, doors, windows and
-        clutter (lamps, blinds, radiators, ducts, pipes, sockets, signs, extinguishers). Parts that glow are the lights.
+        Objects in the map frame: one floor, one ceiling, a wall for each side, and beams, columns,
+            doors, windows and
+        clutter (lamps, blinds, radiators, ducts, pipes, sockets, signs, extinguishers). Parts that
+        glow are the lights.
     """
     daylight = rng.uniform(*style.daylight) * (0.15 if rng.random() < 0.15 else 1.0)
     is_hall = room.kind == "hallway"
-    finish = np.random.default_rng(style.hall_seed) if is_hall else rng  # all corridors look the same
+    finish = (
+        np.random.default_rng(style.hall_seed) if is_hall else rng
+    )  # all corridors look the same
     wall = _wall_paint(style, finish)
-    trim = paint(pick_colour(((225, 222, 214), (70, 66, 62), (120, 116, 110), style.wood[0]), finish), finish)
+    trim = paint(
+        pick_colour(((225, 222, 214), (70, 66, 62), (120, 116, 110), style.wood[0]), finish), finish
+    )
     skirting = finish.uniform(0.06, 0.14) if finish.random() < 0.75 else 0.0
     items = [_floor(room, style, rng, finish)]
     items += build_ceiling(room, style, rng, finish)
@@ -66,7 +83,11 @@ def _surface(pattern: str, style: Style, rng: np.random.Generator) -> Material:
     if pattern == "brick":
         mortar: Colour = (176, 168, 156)
         return Material(
-            "brick", pick_colour(style.accents[:2], rng), mortar, rng.uniform(0.9, 1.1), int(rng.integers(1 << 30))
+            "brick",
+            pick_colour(style.accents[:2], rng),
+            mortar,
+            rng.uniform(0.9, 1.1),
+            int(rng.integers(1 << 30)),
         )
     if pattern == "wood":
         return pick_wood(style, rng)
@@ -83,7 +104,9 @@ def _feature(style: Style, rng: np.random.Generator) -> Material:
     """Draw the surface of a wall that stands out."""
     if rng.random() < 0.5:
         return (
-            _surface(style.wall_patterns[int(rng.integers(1, len(style.wall_patterns)))], style, rng)
+            _surface(
+                style.wall_patterns[int(rng.integers(1, len(style.wall_patterns)))], style, rng
+            )
             if len(style.wall_patterns) > 1
             else _surface("plaster", style, rng)
         )
@@ -93,7 +116,9 @@ def _feature(style: Style, rng: np.random.Generator) -> Material:
 def _floor(room: Room, style: Style, rng: np.random.Generator, finish: np.random.Generator) -> Item:
     """Lay the floor, out to the middle of the walls in doors and passages; ``finish`` draws the covering."""
     choices = style.hall_floors if room.kind in _HALL_FLOORS else style.floors
-    covering = choices[int(finish.integers(len(choices)))] if finish.random() > _MAIN_FLOOR else choices[0]
+    covering = (
+        choices[int(finish.integers(len(choices)))] if finish.random() > _MAIN_FLOOR else choices[0]
+    )
     covering = replace(covering, seed=int(finish.integers(1 << 30)))
     (x0, y0), (x1, y1) = room.low, room.high
     parts = [part_of(quad((x0, y0, 0), (x1 - x0, 0, 0), (0, y1 - y0, 0)), covering)]
@@ -108,7 +133,9 @@ def _floor(room: Room, style: Style, rng: np.random.Generator, finish: np.random
 
 def _dado(room: Room, style: Style, rng: np.random.Generator) -> tuple[float, Material] | None:
     """Draw the height and surface of the lower part of the walls where it differs: tiles, paint, panels."""
-    if room.kind in ("WC", "bathroom") or (room.kind in ("pantry", "kitchen") and rng.random() < 0.5):
+    if room.kind in ("WC", "bathroom") or (
+        room.kind in ("pantry", "kitchen") and rng.random() < 0.5
+    ):
         return rng.uniform(1.4, 2.2), paint((214, 214, 208), rng, "tiles", rng.uniform(0.1, 0.3))
     if rng.random() > 0.08:
         return None
@@ -118,7 +145,12 @@ def _dado(room: Room, style: Style, rng: np.random.Generator) -> tuple[float, Ma
 
 
 def _wall(
-    room: Room, side: int, face: Material, trim: Material, skirting: float, dado: tuple[float, Material] | None
+    room: Room,
+    side: int,
+    face: Material,
+    trim: Material,
+    skirting: float,
+    dado: tuple[float, Material] | None,
 ) -> Item:
     """Build one wall around its openings, with reveals, skirting and sometimes a second colour below."""
     openings = [opening for opening in room.openings if opening.side == side]
@@ -142,7 +174,9 @@ def _wall(
     return Item("wall", tuple(parts))
 
 
-def _spans(start: float, end: float, openings: list[Opening], margin: float) -> list[tuple[float, float]]:
+def _spans(
+    start: float, end: float, openings: list[Opening], margin: float
+) -> list[tuple[float, float]]:
     """Return the stretches of a wall between openings."""
     spans, cursor = [], start
     for opening in sorted(openings, key=lambda o: o.start):
@@ -154,7 +188,9 @@ def _spans(start: float, end: float, openings: list[Opening], margin: float) -> 
 
 def _sheet(start: float, end: float, low: float, high: float, openings: list[Opening]) -> Triangles:
     """Return the face of a wall between two heights with the openings cut out, in the frame of the wall."""
-    along = sorted({start, end, *(x for o in openings for x in (o.start, o.end) if start < x < end)})
+    along = sorted(
+        {start, end, *(x for o in openings for x in (o.start, o.end) if start < x < end)}
+    )
     up = sorted({low, high, *(z for o in openings for z in (o.low, o.high) if low < z < high)})
     sheets = []
     for a, b in itertools.pairwise(along):
@@ -169,24 +205,34 @@ def _reveal(opening: Opening) -> Triangles:
     """Return the inner faces of an opening, in the frame of the wall; none below a passage."""
     a, b, low, high, deep = opening.start, opening.end, opening.low, opening.high, opening.depth
     faces = [
-        quad((a, 0, low), (0, -deep, 0), (0, 0, high - low)), quad((b, -deep, low), (0, deep, 0), (0, 0, high - low)),
+        quad((a, 0, low), (0, -deep, 0), (0, 0, high - low)),
+        quad((b, -deep, low), (0, deep, 0), (0, 0, high - low)),
         quad((a, -deep, high), (0, deep, 0), (b - a, 0, 0)),
-    ]  # fmt: skip
+    ]
     if low > 0:
         faces.append(quad((a, -deep, low), (b - a, 0, 0), (0, deep, 0)))
     return np.concatenate(faces)
 
 
 def _fixtures(
-    room: Room, wall: Material, trim: Material, skirting: float, style: Style, rng: np.random.Generator
+    room: Room,
+    wall: Material,
+    trim: Material,
+    skirting: float,
+    style: Style,
+    rng: np.random.Generator,
 ) -> list[Item]:
     """Build columns, beams, shafts, radiators, ducts and pipes."""
     plain = replace(wall, seed=wall.seed + 3)
     grey = paint(pick_colour(((150, 148, 142), (172, 168, 160)), rng), rng, "concrete", 1.0)
     column = (
-        grey if rng.random() < 0.4 else (plain if rng.random() < 0.7 else paint(pick_colour(style.accents, rng), rng))
+        grey
+        if rng.random() < 0.4
+        else (plain if rng.random() < 0.7 else paint(pick_colour(style.accents, rng), rng))
     )
-    beam = grey if rng.random() < 0.35 else (plain if rng.random() < 0.75 else pick_wood(style, rng))
+    beam = (
+        grey if rng.random() < 0.35 else (plain if rng.random() < 0.75 else pick_wood(style, rng))
+    )
     items = []
     for fixture in room.fixtures:
         low, high = fixture.low.tolist(), fixture.high.tolist()
@@ -213,7 +259,9 @@ def _column(fixture: Fixture, face: Material, trim: Material, skirting: float) -
     parts = [part_of(box(low.tolist(), high.tolist()), face)]
     if skirting:
         edge = np.array([0.012, 0.012, 0.0])
-        parts.append(part_of(box((low - edge).tolist(), (*(high + edge)[:2].tolist(), skirting)), trim))
+        parts.append(
+            part_of(box((low - edge).tolist(), (*(high + edge)[:2].tolist(), skirting)), trim)
+        )
     return parts
 
 
@@ -226,7 +274,9 @@ def _radiator(room: Room, fixture: Fixture, rng: np.random.Generator) -> Item:
     for share in (0.06, 0.94):
         foot = (low + high) / 2
         foot[along] = low[along] + share * (high - low)[along]
-        parts.append(part_of(tube((foot[0], foot[1], 0.0), (foot[0], foot[1], float(low[2])), 0.012), white))
+        parts.append(
+            part_of(tube((foot[0], foot[1], 0.0), (foot[0], foot[1], float(low[2])), 0.012), white)
+        )
     return Item("clutter", tuple(parts))
 
 
@@ -238,11 +288,17 @@ def _duct(room: Room, fixture: Fixture, style: Style, rng: np.random.Generator) 
     first, last = middle.copy(), middle.copy()
     first[along], last[along] = low[along], high[along]
     size = float(high[2] - low[2])
-    metal = pick_metal(style, rng) if rng.random() < 0.6 else paint(pick_colour(style.walls + style.accents, rng), rng)
+    metal = (
+        pick_metal(style, rng)
+        if rng.random() < 0.6
+        else paint(pick_colour(style.walls + style.accents, rng), rng)
+    )
     if fixture.kind == "duct" and rng.random() < 0.5:
         parts = [part_of(box(low.tolist(), high.tolist()), metal)]
     else:
-        parts = [part_of(tube(first.tolist(), last.tolist(), size / 2, 14 if size > 0.15 else 8), metal)]
+        parts = [
+            part_of(tube(first.tolist(), last.tolist(), size / 2, 14 if size > 0.15 else 8), metal)
+        ]
     for place in np.arange(low[along] + 0.5, high[along], 2.0).tolist():
         hanger = middle.copy()
         hanger[along] = place
@@ -259,7 +315,9 @@ def _fittings(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
     for side in range(4):
         low = [s for s in free_stretches(room, side, 0.12, 0.0, 1.6) if s[1] - s[0] > 0.5]
         for a, b in low:
-            for x in rng.uniform(a + 0.05, b - 0.1, int(rng.integers(0, 1 + int((b - a) / 1.5)))).tolist():
+            for x in rng.uniform(
+                a + 0.05, b - 0.1, int(rng.integers(0, 1 + int((b - a) / 1.5)))
+            ).tolist():
                 plate = box((x, 0, 0.24), (x + rng.uniform(0.08, 0.24), 0.011, 0.32))
                 items.append(Item("clutter", (part_of(on_wall(plate, room, side), white),)))
         for door in [o for o in room.openings if o.kind == "door" and o.side == side]:
@@ -290,13 +348,24 @@ def _beside_door(
         if any(a <= x and x + 0.14 <= b for a, b in free):
             wide, low, high = (0.14, 1.45, 1.6) if is_public_hall else (0.08, 1.05, 1.13)
             plate = on_wall(box((x, 0, low), (x + wide, 0.011, high)), room, door.side)
-            face = Material("paper", (214, 214, 210), (60, 60, 66), 0.1, white.seed) if is_public_hall else white
+            face = (
+                Material("paper", (214, 214, 210), (60, 60, 66), 0.1, white.seed)
+                if is_public_hall
+                else white
+            )
             items.append(Item("clutter", (part_of(plate, face),)))
             break
     if is_public_hall and rng.random() < 0.15 and door.high + 0.35 < room.ceiling:
         x = (door.start + door.end) / 2
-        sign = on_wall(box((x - 0.15, 0, door.high + 0.1), (x + 0.15, 0.03, door.high + 0.26)), room, door.side)
-        items.append(Item("clutter", (part_of(sign, Material("print", (40, 140, 84), (230, 240, 232), 0.1, 1, 0.25)),)))
+        sign = on_wall(
+            box((x - 0.15, 0, door.high + 0.1), (x + 0.15, 0.03, door.high + 0.26)), room, door.side
+        )
+        items.append(
+            Item(
+                "clutter",
+                (part_of(sign, Material("print", (40, 140, 84), (230, 240, 232), 0.1, 1, 0.25)),),
+            )
+        )
     return items
 
 

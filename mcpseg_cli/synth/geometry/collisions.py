@@ -21,7 +21,9 @@ def boxes_of(item: Item) -> Boxes:
     middle, half = (low + high) / 2, (high - low) / 2
     x = cosine * middle[:, 0] - sine * middle[:, 1] + origin[:, 0]
     y = sine * middle[:, 0] + cosine * middle[:, 1] + origin[:, 1]
-    return np.column_stack([x, y, cosine, sine, half[:, :2], low[:, 2] + origin[:, 2], high[:, 2] + origin[:, 2]])
+    return np.column_stack(
+        [x, y, cosine, sine, half[:, :2], low[:, 2] + origin[:, 2], high[:, 2] + origin[:, 2]]
+    )
 
 
 def upright(low: NDArray[np.float64], high: NDArray[np.float64]) -> Boxes:
@@ -84,7 +86,8 @@ class Collisions:
         corners = extent(boxes)
         there, reach = self._boxes[: self._count], self._reach[: self._count]
         near = (
-            np.abs(there[:, :2] - (corners[0, :2] + corners[1, :2]) / 2) < reach + (corners[1, :2] - corners[0, :2]) / 2
+            np.abs(there[:, :2] - (corners[0, :2] + corners[1, :2]) / 2)
+            < reach + (corners[1, :2] - corners[0, :2]) / 2
         ).all(axis=1)
         near &= (there[:, 6] < corners[1, 2]) & (there[:, 7] > corners[0, 2])
         rows = np.flatnonzero(near)
@@ -97,7 +100,9 @@ def _overlap(first: Boxes, second: Boxes, slack: float) -> NDArray[np.bool_]:
     step = b[..., :2] - a[..., :2]
     cosine = np.abs(a[..., 2] * b[..., 2] + a[..., 3] * b[..., 3])
     sine = np.abs(a[..., 2] * b[..., 3] - a[..., 3] * b[..., 2])
-    met: NDArray[np.bool_] = np.minimum(a[..., 7], b[..., 7]) - np.maximum(a[..., 6], b[..., 6]) > slack
+    met: NDArray[np.bool_] = (
+        np.minimum(a[..., 7], b[..., 7]) - np.maximum(a[..., 6], b[..., 6]) > slack
+    )
     for one, other in ((a, b), (b, a)):
         along = np.abs(step[..., 0] * one[..., 2] + step[..., 1] * one[..., 3])
         across = np.abs(step[..., 1] * one[..., 2] - step[..., 0] * one[..., 3])

@@ -20,13 +20,18 @@ _FACES = np.array([face for a, b, c, d in _QUADS for face in ((a, b, c), (a, c, 
 
 def boxes(lows: object, highs: object) -> Triangles:
     """Return the 12 N triangles of N upright boxes between corners, (N, 3) each, facing outwards."""
-    low, high = np.asarray(lows, np.float64).reshape(-1, 1, 3), np.asarray(highs, np.float64).reshape(-1, 1, 3)
+    low, high = (
+        np.asarray(lows, np.float64).reshape(-1, 1, 3),
+        np.asarray(highs, np.float64).reshape(-1, 1, 3),
+    )
     return _faces(np.where(_CORNERS, high, low))
 
 
 def slanted(bottom: object, top: object, size: Sequence[float]) -> Triangles:
     """Return N bars of a rectangular section ``size`` (x, y) from one point to another, (N, 3) each: splayed legs."""
-    ends = np.stack([np.asarray(bottom, np.float64).reshape(-1, 3), np.asarray(top, np.float64).reshape(-1, 3)])
+    ends = np.stack(
+        [np.asarray(bottom, np.float64).reshape(-1, 3), np.asarray(top, np.float64).reshape(-1, 3)]
+    )
     half = np.array([size[0] / 2, size[1] / 2])
     corners = np.empty((ends.shape[1], 8, 3))
     for row, (right, back, up) in enumerate(_CORNERS):
@@ -50,7 +55,9 @@ def lathe(profile: object, sides: int = 12, x: float = 0.0, y: float = 0.0) -> T
     return surface(grid)
 
 
-def rod(radius: float, low: float, high: float, x: float = 0.0, y: float = 0.0, sides: int = 8) -> Triangles:
+def rod(
+    radius: float, low: float, high: float, x: float = 0.0, y: float = 0.0, sides: int = 8
+) -> Triangles:
     """Return an upright cylinder with ends."""
     return lathe([(0, low), (radius, low), (radius, high), (0, high)], sides, x, y)
 
@@ -81,16 +88,22 @@ def slab(outline: Points, low: float, high: float) -> Triangles:
     above = np.column_stack([ring, np.full(len(ring), high)])
     side = surface(np.stack([above, below]))
     fan = np.stack([np.broadcast_to(above[0], above[1:-2].shape), above[1:-2], above[2:-1]], axis=1)
-    floor = np.stack([np.broadcast_to(below[0], below[1:-2].shape), below[2:-1], below[1:-2]], axis=1)
+    floor = np.stack(
+        [np.broadcast_to(below[0], below[1:-2].shape), below[2:-1], below[1:-2]], axis=1
+    )
     return np.concatenate([side, fan, floor])
 
 
 def rectangle(width: float, depth: float, radius: float = 0.0, steps: int = 3) -> Points:
     """Return the outline of a rectangle about the origin with rounded corners, counter-clockwise."""
     if radius <= 0:
-        outline: Points = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([width, depth]) / 2
+        outline: Points = (
+            np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array([width, depth]) / 2
+        )
         return outline
-    corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (np.array([width, depth]) / 2 - radius)
+    corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (
+        np.array([width, depth]) / 2 - radius
+    )
     angle = np.linspace(0, np.pi / 2, steps + 1) + (np.pi / 2) * np.arange(4)[:, None]
     arcs = corner[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return arcs.reshape(-1, 2)
@@ -99,7 +112,9 @@ def rectangle(width: float, depth: float, radius: float = 0.0, steps: int = 3) -
 def ellipse(width: float, depth: float, power: float = 1.0, sides: int = 24) -> Points:
     """Return the outline of an ellipse about the origin; a power below 1 makes it squarer."""
     angle = np.arange(sides) * (2 * np.pi / sides)
-    return np.column_stack([width / 2 * _power(np.cos(angle), power), depth / 2 * _power(np.sin(angle), power)])
+    return np.column_stack(
+        [width / 2 * _power(np.cos(angle), power), depth / 2 * _power(np.sin(angle), power)]
+    )
 
 
 def shell(grid: Points, thickness: float) -> Triangles:
@@ -109,7 +124,9 @@ def shell(grid: Points, thickness: float) -> Triangles:
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-9)
     front, back = grid + normal * (thickness / 2), grid - normal * (thickness / 2)
     edge_front, edge_back = _border(front), _border(back)
-    return np.concatenate([surface(front), surface(back[:, ::-1]), surface(np.stack([edge_front, edge_back]))])
+    return np.concatenate(
+        [surface(front), surface(back[:, ::-1]), surface(np.stack([edge_front, edge_back]))]
+    )
 
 
 def pipe(path: object, radius: float, sides: int = 6) -> Triangles:
@@ -148,7 +165,9 @@ def leaves(base: Points, tip: Points, width: float, droop: float = 0.0) -> Trian
     side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-9)
     middle = base + 0.55 * axis + [0.0, 0.0, 1.0] * (length * droop)
     left, right = middle - side * width / 2, middle + side * width / 2
-    return np.concatenate([np.stack([base, right, left], axis=1), np.stack([left, right, tip], axis=1)])
+    return np.concatenate(
+        [np.stack([base, right, left], axis=1), np.stack([left, right, tip], axis=1)]
+    )
 
 
 def lean(triangles: Triangles, angle: float) -> Triangles:

@@ -21,7 +21,8 @@ class Part:
     Attributes:
         triangles: (F, 3, 3) float64, metres, in the frame it has been moved to.
         material: What its surface looks like.
-        low: (3,) lowest corner of its box in its own frame, metres; the box is what collisions are checked with.
+        low: (3,) lowest corner of its box in its own frame, metres; the box is what collisions are
+            checked with.
         high: (3,) highest corner.
         origin: (3,) where its own frame lies, metres.
         yaw: How its own frame is turned about z, radians.
@@ -39,7 +40,9 @@ class Part:
         turn = _turn(yaw)
         shift = np.array([x, y, z])
         triangles = self.triangles @ turn.T + shift
-        return replace(self, triangles=triangles, origin=turn @ self.origin + shift, yaw=self.yaw + yaw)
+        return replace(
+            self, triangles=triangles, origin=turn @ self.origin + shift, yaw=self.yaw + yaw
+        )
 
 
 @dataclass(frozen=True)
@@ -72,17 +75,24 @@ def part_of(triangles: Triangles, material: Material) -> Part:
 
 def box(low: Sequence[float], high: Sequence[float]) -> Triangles:
     """Return the 12 triangles of an upright box, facing outwards."""
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    corners = np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return np.array([corners[list(face)] for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.float64)
+    return np.array(
+        [corners[list(face)] for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.float64
+    )
 
 
 def quad(corner: Sequence[float], along: Sequence[float], up: Sequence[float]) -> Triangles:
     """Return the two triangles of a parallelogram; it faces ``along`` x ``up``."""
     start, first, second = (np.asarray(vector, np.float64) for vector in (corner, along, up))
-    return np.array([
-        [start, start + first, start + first + second], [start, start + first + second, start + second],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [start, start + first, start + first + second],
+            [start, start + first + second, start + second],
+        ]
+    )
 
 
 def prism(outline: NDArray[np.float64], low: float, high: float) -> Triangles:
@@ -90,7 +100,9 @@ def prism(outline: NDArray[np.float64], low: float, high: float) -> Triangles:
     return frustum(outline, outline, low, high)
 
 
-def frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], low: float, high: float) -> Triangles:
+def frustum(
+    bottom: NDArray[np.float64], top: NDArray[np.float64], low: float, high: float
+) -> Triangles:
     """Return the solid between two convex outlines of equally many corners, (K, 2) counter-clockwise, with ends."""
     below = np.column_stack([bottom, np.full(len(bottom), low)])
     above = np.column_stack([top, np.full(len(top), high)])

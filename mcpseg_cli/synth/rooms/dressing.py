@@ -16,30 +16,71 @@ from mcpseg_cli.synth.things.bookcases import make_bookcase
 from mcpseg_cli.synth.things.clutter import make_clutter
 
 _ON_DESKS = (
-    "mug", "paper", "books", "pen pot", "telephone", "small plant", "desk lamp", "trays", "bottle", "figure", "paper",
-    "loudspeaker", "printer",
-)  # fmt: skip
+    "mug",
+    "paper",
+    "books",
+    "pen pot",
+    "telephone",
+    "small plant",
+    "desk lamp",
+    "trays",
+    "bottle",
+    "figure",
+    "paper",
+    "loudspeaker",
+    "printer",
+)
 _OFFICE_WALLS = ("picture", "picture", "picture", "clock", "coat hooks", "wall box", "cable run")
 _ON_CABINETS = (
-    "small carton", "small carton", "small carton", "small plant", "books", "vase", "trays", "printer", "figure",
+    "small carton",
+    "small carton",
+    "small carton",
+    "small plant",
+    "books",
+    "vase",
+    "trays",
+    "printer",
+    "figure",
     "paper",
-    "loudspeaker", "bottle",
-)  # fmt: skip
+    "loudspeaker",
+    "bottle",
+)
 _ON_FLOOR = (
-    "carton", "carton", "carton pile", "carton pile", "backpack", "bag", "bin", "suitcase", "cables", "fan",
+    "carton",
+    "carton",
+    "carton pile",
+    "carton pile",
+    "backpack",
+    "bag",
+    "bin",
+    "suitcase",
+    "cables",
+    "fan",
     "drawer unit",
-    "pc tower", "cushion", "leaning board",
-)  # fmt: skip
+    "pc tower",
+    "cushion",
+    "leaning board",
+)
 _ON_SILLS = ("small plant", "books", "vase", "figure", "mug", "bottle", "small plant")
 _ON_WALLS = {
-    "picture": (1.1, 1.6), "clock": (1.9, 2.3), "coat hooks": (0.6, 0.8), "wall box": (1.0, 1.6), "cable run": (0.02,
-    0.3),
-    "mirror": (0.9, 1.2), "towel box": (1.0, 1.3),
-}  # fmt: skip
+    "picture": (1.1, 1.6),
+    "clock": (1.9, 2.3),
+    "coat hooks": (0.6, 0.8),
+    "wall box": (1.0, 1.6),
+    "cable run": (0.02, 0.3),
+    "mirror": (0.9, 1.2),
+    "towel box": (1.0, 1.3),
+}
 
 
 def seat_at(
-    placement: Placement, table: Placed, chair: Item, along: float, *, side: float = 1.0, pull: float = 0.0
+    placement: Placement,
+    table: Placed,
+    chair: Item,
+    along: float,
+    *,
+    side: float = 1.0,
+    pull: float = 0.0,
 ) -> Placed | None:
     """Place a chair at a table, facing it, pushed under as far as it goes.
 
@@ -74,7 +115,13 @@ def seat_at(
 
 
 def seats_around(
-    placement: Placement, table: Placed, chair: Item, pitch: float, *, ends: bool = True, round_: bool = False
+    placement: Placement,
+    table: Placed,
+    chair: Item,
+    pitch: float,
+    *,
+    ends: bool = True,
+    round_: bool = False,
 ) -> None:
     """Place chairs on both long sides of a table and at its ends, or in a ring; some are missing, some pulled out."""
     rng = placement.rng
@@ -86,7 +133,11 @@ def seats_around(
             for far in (rng.uniform(-0.05, 0.25), 0.1, 0.25, 0.4):
                 reach = width / 2 + far
                 poses.append(
-                    about_centre(chair, *table.at(np.cos(angle) * reach, deep / 2 + np.sin(angle) * reach), turn)
+                    about_centre(
+                        chair,
+                        *table.at(np.cos(angle) * reach, deep / 2 + np.sin(angle) * reach),
+                        turn,
+                    )
                 )
             if rng.random() < 0.95:
                 placement.try_poses(chair, poses)
@@ -96,13 +147,17 @@ def seats_around(
         for number in range(count):
             if rng.random() < 0.96:
                 spread = (number - (count - 1) / 2) * (width - 0.2) / count
-                seat_at(placement, table, chair, spread, side=side, pull=float(abs(rng.normal(0, 0.12))))
+                seat_at(
+                    placement, table, chair, spread, side=side, pull=float(abs(rng.normal(0, 0.12)))
+                )
     for side in (2.0, -2.0):
         if ends and rng.random() < 0.8:
             seat_at(placement, table, chair, 0.0, side=side)
 
 
-def put_at(placement: Placement, table: Placed, kind: str, along: float, out: float, yaw: float = 0.0) -> Placed | None:
+def put_at(
+    placement: Placement, table: Placed, kind: str, along: float, out: float, yaw: float = 0.0
+) -> Placed | None:
     """Place a thing on a table at a spot of the table's own frame, with a little play."""
     top = table.top
     if top is None:
@@ -110,8 +165,12 @@ def put_at(placement: Placement, table: Placed, kind: str, along: float, out: fl
     item = make_clutter(kind, placement.style, placement.rng)
     poses = []
     for play in (0.02, 0.08, 0.16):
-        x, y = table.at(along + placement.rng.normal(0, play), out + placement.rng.normal(0, play / 2))
-        poses.append(about_centre(item, x, y, table.yaw + yaw + placement.rng.normal(0, 0.08), top[0]))
+        x, y = table.at(
+            along + placement.rng.normal(0, play), out + placement.rng.normal(0, play / 2)
+        )
+        poses.append(
+            about_centre(item, x, y, table.yaw + yaw + placement.rng.normal(0, 0.08), top[0])
+        )
     return placement.try_poses(item, poses, on=table)
 
 
@@ -130,13 +189,24 @@ def dress_desk(placement: Placement, desk: Placed, *, computer: float = 0.85) ->
         if draw < 0.8:
             put_at(placement, desk, "keyboard", along, depth - rng.uniform(0.16, 0.26), np.pi * 0)
         if draw < 0.8 and rng.random() < 0.3:
-            put_at(placement, desk, "laptop", along + rng.choice([-1, 1]) * 0.5, depth * 0.55, rng.normal(0, 0.3))
+            put_at(
+                placement,
+                desk,
+                "laptop",
+                along + rng.choice([-1, 1]) * 0.5,
+                depth * 0.55,
+                rng.normal(0, 0.3),
+            )
         if rng.random() < 0.5:
             stow(placement, desk, "pc tower")
     for kind in rng.choice(_ON_DESKS, placement.times(4.0 + 9.0 * placement.mess())):
         placement.on_top(desk, make_clutter(str(kind), placement.style, rng), yaw=0.0, tries=5)
     if rng.random() < 0.5:
-        stow(placement, desk, str(rng.choice(["drawer unit", "bin", "backpack", "cables", "bag", "carton"])))
+        stow(
+            placement,
+            desk,
+            str(rng.choice(["drawer unit", "bin", "backpack", "cables", "bag", "carton"])),
+        )
 
 
 def stow(placement: Placement, desk: Placed, kind: str) -> Placed | None:
@@ -152,13 +222,19 @@ def stow(placement: Placement, desk: Placed, kind: str) -> Placed | None:
     return placement.try_poses(item, poses)
 
 
-def dress_top(placement: Placement, support: Placed, kinds: Sequence[str] = _ON_CABINETS, mean: float = 2.0) -> None:
+def dress_top(
+    placement: Placement, support: Placed, kinds: Sequence[str] = _ON_CABINETS, mean: float = 2.0
+) -> None:
     """Put things on top of a cabinet, a low bookcase, a side board."""
     for kind in placement.rng.choice(np.array(kinds), placement.times(mean)):
-        placement.on_top(support, make_clutter(str(kind), placement.style, placement.rng), yaw=0.0, tries=5)
+        placement.on_top(
+            support, make_clutter(str(kind), placement.style, placement.rng), yaw=0.0, tries=5
+        )
 
 
-def bookcases(placement: Placement, count: int, kinds: Sequence[str], on_top: Sequence[str] = _ON_CABINETS) -> None:
+def bookcases(
+    placement: Placement, count: int, kinds: Sequence[str], on_top: Sequence[str] = _ON_CABINETS
+) -> None:
     """Place bookcases along walls, mostly side by side and alike, with things on top of them."""
     rng, near = placement.rng, None
     kind, form = str(rng.choice(np.array(kinds))), int(rng.integers(1 << 30))
@@ -170,8 +246,18 @@ def bookcases(placement: Placement, count: int, kinds: Sequence[str], on_top: Se
         if placed is None:
             continue
         near = placed
-        if placed.size[2] < placement.room.ceiling - 0.5 and kind in ("low", "cupboard", "open", "glass"):
-            dress_top(placement, placed, on_top, mean=3.0 if placed.size[2] < 1.3 else 2.5 * placement.mess() + 0.3)
+        if placed.size[2] < placement.room.ceiling - 0.5 and kind in (
+            "low",
+            "cupboard",
+            "open",
+            "glass",
+        ):
+            dress_top(
+                placement,
+                placed,
+                on_top,
+                mean=3.0 if placed.size[2] < 1.3 else 2.5 * placement.mess() + 0.3,
+            )
 
 
 def wall_shelves(placement: Placement, mean: float) -> None:
@@ -196,12 +282,15 @@ def wall_clutter(placement: Placement, mean: float, kinds: Sequence[str] = _OFFI
     for kind in placement.rng.choice(np.array(kinds), placement.times(mean)):
         low, high = _ON_WALLS[str(kind)]
         placement.hang(
-            make_clutter(str(kind), placement.style, placement.rng), placement.rng.uniform(low, high), tries=5
+            make_clutter(str(kind), placement.style, placement.rng),
+            placement.rng.uniform(low, high),
+            tries=5,
         )
 
 
 def board(
-    placement: Placement, kinds: Sequence[str] = ("whiteboard", "whiteboard", "pin board", "chalkboard")
+    placement: Placement,
+    kinds: Sequence[str] = ("whiteboard", "whiteboard", "pin board", "chalkboard"),
 ) -> Placed | None:
     """Hang a board on a wall, or place one that stands."""
     kind = str(placement.rng.choice(np.array(kinds)))
@@ -216,7 +305,11 @@ def windows(placement: Placement) -> None:
     if not placement.chance(0.5):
         return
     for opening in placement.room.openings:
-        if opening.kind == "window" and 0.5 < opening.low < 1.3 and opening.glazing in ("single", "band"):
+        if (
+            opening.kind == "window"
+            and 0.5 < opening.low < 1.3
+            and opening.glazing in ("single", "band")
+        ):
             _sill(placement, opening)
 
 

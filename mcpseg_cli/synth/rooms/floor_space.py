@@ -71,7 +71,9 @@ class FloorSpace:
         """Return the cells in front of an opening's middle, 0.2-0.5 m into the room."""
         x = {0: along, 1: room.high[0] - 0.35, 2: along, 3: room.low[0] + 0.35}[side]
         y = {0: room.low[1] + 0.35, 1: along, 2: room.high[1] - 0.35, 3: along}[side]
-        spot = np.clip(((np.array([x, y]) - self._low) / CELL).astype(int), 1, np.array(self.free.shape) - 2)
+        spot = np.clip(
+            ((np.array([x, y]) - self._low) / CELL).astype(int), 1, np.array(self.free.shape) - 2
+        )
         return slice(spot[0] - 1, spot[0] + 2), slice(spot[1] - 1, spot[1] + 2)
 
     def _shadow(self, boxes: Boxes) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:

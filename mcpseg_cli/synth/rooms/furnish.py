@@ -35,9 +35,9 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
 def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
     """Furnish a room.
 
-    Nothing meets anything else or what is taken. Everything stands on the floor or on something, hangs on a wall or
-    hangs from the ceiling. Doors stay free, and a robot 0.52 m wide can get from every door to nearly all the floor
-    that is left.
+    Nothing meets anything else or what is taken. Everything stands on the floor or on something,
+    hangs on a wall or hangs from the ceiling. Doors stay free, and a robot 0.52 m wide can get from
+    every door to nearly all the floor that is left.
 
     Args:
         room: The room; its kind decides what comes in.
@@ -45,7 +45,8 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
         rng: Decides everything else; the same state gives the same furniture.
 
     Returns:
-        The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of class window,
+        The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of
+        class window,
         rugs of class floor: ``lay_rugs`` joins them with the room's.
     """
     placement = Placement(room, style, rng)

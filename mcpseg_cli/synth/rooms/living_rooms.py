@@ -39,14 +39,48 @@ ON_FURNITURE = (
 )
 """What stands on sideboards and shelves of homes."""
 _ON_COFFEE_TABLES = (
-    "mug", "mug", "books", "paper", "bowl", "bowl", "candles", "candles", "bottle", "small plant", "vase", "laptop",
-)  # fmt: skip
-_ON_DINING_TABLES = ("mug", "bowl", "bowl", "bottle", "vase", "candles", "paper", "books", "laptop", "small plant")
+    "mug",
+    "mug",
+    "books",
+    "paper",
+    "bowl",
+    "bowl",
+    "candles",
+    "candles",
+    "bottle",
+    "small plant",
+    "vase",
+    "laptop",
+)
+_ON_DINING_TABLES = (
+    "mug",
+    "bowl",
+    "bowl",
+    "bottle",
+    "vase",
+    "candles",
+    "paper",
+    "books",
+    "laptop",
+    "small plant",
+)
 _ON_HOME_WALLS = ("picture", "picture", "picture", "picture", "clock", "mirror")
 _ON_HOME_FLOORS = (
-    "plant", "plant", "plant", "cushion", "toys", "bag", "clothes", "standard lamp", "laundry basket", "backpack",
-    "carton", "umbrella stand", "coat stand", "bin",
-)  # fmt: skip
+    "plant",
+    "plant",
+    "plant",
+    "cushion",
+    "toys",
+    "bag",
+    "clothes",
+    "standard lamp",
+    "laundry basket",
+    "backpack",
+    "carton",
+    "umbrella stand",
+    "coat stand",
+    "bin",
+)
 _DINING_CHAIRS = ("four-leg", "four-leg", "four-leg", "cantilever", "armchair")
 
 
@@ -58,11 +92,15 @@ def furnish_living_room(placement: Placement) -> None:
     if area > 14 and placement.chance(0.55):
         dining_group(placement)
     if placement.chance(0.5):
-        placement.against_wall(make_home_sofa(2, placement.style, placement.rng).item, gap=0.1, tries=12)
+        placement.against_wall(
+            make_home_sofa(2, placement.style, placement.rng).item, gap=0.1, tries=12
+        )
     kinds = ("low", "open", "glass", "open", "cupboard")
     bookcases(placement, placement.times(0.8 + area / 13), kinds, ON_FURNITURE)
     for _ in range(placement.times(0.7)):
-        placement.against_wall(make_clutter("standard lamp", placement.style, placement.rng), gap=0.15)
+        placement.against_wall(
+            make_clutter("standard lamp", placement.style, placement.rng), gap=0.15
+        )
     for _ in range(placement.times(0.5)):
         _side_table(placement, None)
     dress_home(placement, area)
@@ -90,7 +128,9 @@ def _sitting_group(placement: Placement) -> None:
             _opposite(placement, table, other, sides)
         chair = make_chair("armchair", placement.style, rng)
         for side in sides[: int(rng.integers(0, 4))]:
-            seat_at(placement, table, chair, rng.normal(0, 0.1), side=side, pull=rng.uniform(0.35, 0.6))
+            seat_at(
+                placement, table, chair, rng.normal(0, 0.1), side=side, pull=rng.uniform(0.35, 0.6)
+            )
     if placement.chance(0.6):
         _side_table(placement, placed)
     if placement.chance(0.75):
@@ -102,7 +142,9 @@ def _main_sofa(placement: Placement) -> tuple[Placed | None, HomeSofa]:
     """Place the largest sofa that fits, mostly at a wall."""
     rng, wide = placement.rng, float(placement.size.min()) > 3.2
     for seats in (int(rng.integers(2, 5)), 3, 2, 2, 2):
-        corner = float(rng.choice([-1.0, 1.0])) if wide and seats > 1 and placement.chance(0.5) else 0.0
+        corner = (
+            float(rng.choice([-1.0, 1.0])) if wide and seats > 1 and placement.chance(0.5) else 0.0
+        )
         sofa = make_home_sofa(seats, placement.style, rng, corner)
         at_wall = placement.chance(0.85)
         square = float(rng.integers(4)) * np.pi / 2
@@ -141,7 +183,9 @@ def _opposite(placement: Placement, table: Placed, sofa: Item, sides: list[float
                 x, y = table.at(0.0, float(table.size[1]) + out)
                 face = np.pi
             else:
-                x, y = table.at(np.sign(side) * (float(table.size[0]) / 2 + out), float(table.size[1]) / 2)
+                x, y = table.at(
+                    np.sign(side) * (float(table.size[0]) / 2 + out), float(table.size[1]) / 2
+                )
                 face = np.pi / 2 * np.sign(side)
             poses.append(about_centre(sofa, x, y, table.yaw + face + rng.normal(0, 0.03)))
     if placement.try_poses(sofa, poses) is None:
@@ -177,22 +221,36 @@ def _side_table(placement: Placement, near: Placed | None) -> None:
     if placed is not None:
         if placement.chance(0.6):
             put_at(placement, placed, "table lamp", 0.0, float(placed.size[1]) / 2)
-        dress_top(placement, placed, ("books", "mug", "bowl", "small plant", "candles", "bottle"), 1.0)
+        dress_top(
+            placement, placed, ("books", "mug", "bowl", "small plant", "candles", "bottle"), 1.0
+        )
 
 
-def lay_rug(placement: Placement, pose: tuple[float, float, float], size: tuple[float, float]) -> None:
+def lay_rug(
+    placement: Placement, pose: tuple[float, float, float], size: tuple[float, float]
+) -> None:
     """Lay a rug about a place (x, y, yaw) in the map frame, smaller if it would not fit; none over another."""
     rng, (x, y, yaw) = placement.rng, pose
     turn = yaw + (rng.normal(0, 0.25) if placement.chance(0.2) else rng.normal(0, 0.03))
     draw = rng.random()
     for scale in (1.0, 0.85, 0.7, 0.55):
         width, depth = size[0] * scale, size[1] * scale
-        outline = ellipse(depth, depth) if draw < 0.15 else rectangle(width, depth, 0.0 if draw < 0.8 else 0.12)
-        corners = outline @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + [x, y]
+        outline = (
+            ellipse(depth, depth)
+            if draw < 0.15
+            else rectangle(width, depth, 0.0 if draw < 0.8 else 0.12)
+        )
+        corners = outline @ np.array(
+            [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        ) + [x, y]
         low, high = corners.min(axis=0), corners.max(axis=0)
-        is_inside = (low > placement.room.low + 0.03).all() and (high < placement.room.high - 0.03).all()
+        is_inside = (low > placement.room.low + 0.03).all() and (
+            high < placement.room.high - 0.03
+        ).all()
         others = [rug.bounds()[:, :2] for rug in placement.rugs]
-        if is_inside and not any((low < other[1]).all() and (high > other[0]).all() for other in others):
+        if is_inside and not any(
+            (low < other[1]).all() and (high > other[0]).all() for other in others
+        ):
             placement.rugs.append(make_rug(outline, placement.style, rng).moved(x=x, y=y, yaw=turn))
             return
 
@@ -202,7 +260,9 @@ def furnish_dining_room(placement: Placement) -> None:
     area = float(placement.size.prod())
     windows(placement)
     dining_group(placement)
-    bookcases(placement, 1 + placement.times(0.8), ("low", "low", "glass", "cupboard"), ON_FURNITURE)
+    bookcases(
+        placement, 1 + placement.times(0.8), ("low", "low", "glass", "cupboard"), ON_FURNITURE
+    )
     if placement.chance(0.4):
         sofa = make_home_sofa(2, placement.style, placement.rng)
         placement.against_wall(sofa.item, gap=0.08, tries=12)
@@ -215,7 +275,9 @@ def dining_group(placement: Placement) -> None:
     is_round = placement.chance(0.3)
     length, depth = rng.uniform(1.1, 2.1), rng.uniform(0.75, 1.0)
     table = (
-        make_table("round", style, rng) if is_round else stand("table", meeting_parts(length, depth, 0.75, style, rng))
+        make_table("round", style, rng)
+        if is_round
+        else stand("table", meeting_parts(length, depth, 0.75, style, rng))
     )
     placed = placement.freely(table, yaw=float(rng.integers(4)) * np.pi / 2, margin=0.85, tries=24)
     if placed is None:
@@ -224,4 +286,8 @@ def dining_group(placement: Placement) -> None:
     dress_top(placement, placed, _ON_DINING_TABLES, 2.0 + 4.0 * placement.mess())
     if placement.chance(0.4):
         x, y = placed.at(0.0, float(placed.size[1]) / 2)
-        lay_rug(placement, (x, y, placed.yaw), (float(placed.size[0]) + 0.9, float(placed.size[1]) + 0.9))
+        lay_rug(
+            placement,
+            (x, y, placed.yaw),
+            (float(placed.size[0]) + 0.9, float(placed.size[1]) + 0.9),
+        )

@@ -51,7 +51,9 @@ class Placed:
     def at(self, along: float, out: float) -> tuple[float, float]:
         """Return the map x and y of a spot in its own frame."""
         cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
-        return float(self.x + cosine * along - sine * out), float(self.y + sine * along + cosine * out)
+        return float(self.x + cosine * along - sine * out), float(
+            self.y + sine * along + cosine * out
+        )
 
 
 class Placement:
@@ -69,7 +71,9 @@ class Placement:
             self._solids.add(upright(taken[0], taken[1]))
         for opening in room.openings:
             depth = _WINDOW_DEPTH if opening.kind == "window" else _DOOR_DEPTH
-            (self._windows if opening.kind == "window" else self._solids).add(self._in_front(opening, depth))
+            (self._windows if opening.kind == "window" else self._solids).add(
+                self._in_front(opening, depth)
+            )
 
     @property
     def items(self) -> list[Item]:
@@ -105,7 +109,8 @@ class Placement:
             on: What it stands on; its top has to hold the whole foot of the first object.
 
         Returns:
-            Where it was placed; None if it meets something, leaves the room, cuts off floor or would float.
+            Where it was placed; None if it meets something, leaves the room, cuts off floor or
+            would float.
         """
         items = (things,) if isinstance(things, Item) else tuple(things)
         own = np.concatenate([boxes_of(item) for item in items])
@@ -147,42 +152,74 @@ class Placement:
                 continue
             corner = min(0.02, room_left)
             along = half + float(
-                self.rng.choice([self.rng.uniform(0, room_left), corner, room_left - corner], p=_CORNERS)
+                self.rng.choice(
+                    [self.rng.uniform(0, room_left), corner, room_left - corner], p=_CORNERS
+                )
             )
             tilt = self.rng.normal(0, turn)
             poses.append(
-                self.wall_pose(side, along, self.rng.uniform(0.2, 1.0) * gap + half * abs(np.sin(tilt)), z, tilt)
+                self.wall_pose(
+                    side,
+                    along,
+                    self.rng.uniform(0.2, 1.0) * gap + half * abs(np.sin(tilt)),
+                    z,
+                    tilt,
+                )
             )
         return self.try_poses(items, poses, over_windows=over_windows)
 
-    def hang(self, item: Item, z: float, *, over_windows: bool = False, tries: int = 8) -> Placed | None:
+    def hang(
+        self, item: Item, z: float, *, over_windows: bool = False, tries: int = 8
+    ) -> Placed | None:
         """Hang an object on a wall, its back 2 mm off it, its lowest point at a height."""
-        return self.against_wall(item, z=z, gap=0.002, tries=tries, over_windows=over_windows, turn=0.0)
+        return self.against_wall(
+            item, z=z, gap=0.002, tries=tries, over_windows=over_windows, turn=0.0
+        )
 
     def freely(
-        self, things: Item | Sequence[Item], *, tries: int = 8, yaw: float | None = None, margin: float = 0.1
+        self,
+        things: Item | Sequence[Item],
+        *,
+        tries: int = 8,
+        yaw: float | None = None,
+        margin: float = 0.1,
     ) -> Placed | None:
         """Place an object anywhere on the floor, at a random angle or about the one given."""
         items = (things,) if isinstance(things, Item) else tuple(things)
         poses = []
         for _ in range(tries):
-            spot = self.room.low + margin + self.rng.random(2) * np.maximum(self.size - 2 * margin, 0.1)
-            angle = self.rng.uniform(0, 2 * np.pi) if yaw is None else yaw + self.rng.normal(0, 0.03)
+            spot = (
+                self.room.low
+                + margin
+                + self.rng.random(2) * np.maximum(self.size - 2 * margin, 0.1)
+            )
+            angle = (
+                self.rng.uniform(0, 2 * np.pi) if yaw is None else yaw + self.rng.normal(0, 0.03)
+            )
             poses.append(about_centre(items[0], float(spot[0]), float(spot[1]), angle))
         return self.try_poses(items, poses)
 
-    def on_top(self, support: Placed, item: Item, *, yaw: float | None = None, tries: int = 6) -> Placed | None:
+    def on_top(
+        self, support: Placed, item: Item, *, yaw: float | None = None, tries: int = 6
+    ) -> Placed | None:
         """Place something at a random spot on top of another object, turned like it or at random."""
         level = support.top
         if level is None:
             return None
         corners, poses = extent(boxes_of(item)), []
-        reach = np.maximum(support.size[:2] / 2 - (corners[1] - corners[0])[:2].min() / 2 - 0.01, 0.0)
+        reach = np.maximum(
+            support.size[:2] / 2 - (corners[1] - corners[0])[:2].min() / 2 - 0.01, 0.0
+        )
         for _ in range(tries):
             x, y = support.at(
-                self.rng.uniform(-1, 1) * reach[0], float(support.size[1]) / 2 + self.rng.uniform(-1, 1) * reach[1]
+                self.rng.uniform(-1, 1) * reach[0],
+                float(support.size[1]) / 2 + self.rng.uniform(-1, 1) * reach[1],
             )
-            angle = self.rng.uniform(0, 2 * np.pi) if yaw is None else support.yaw + self.rng.normal(yaw, 0.15)
+            angle = (
+                self.rng.uniform(0, 2 * np.pi)
+                if yaw is None
+                else support.yaw + self.rng.normal(yaw, 0.15)
+            )
             poses.append(about_centre(item, x, y, angle, level[0]))
         return self.try_poses(item, poses, on=support)
 
@@ -213,7 +250,9 @@ class Placement:
             return None
         self._solids.add(boxes)
         size = np.ptp(extent(own), axis=0)
-        placed = Placed(tuple(item.moved(pose[0], pose[1], pose[2], pose[3]) for item in items), size, *pose)
+        placed = Placed(
+            tuple(item.moved(pose[0], pose[1], pose[2], pose[3]) for item in items), size, *pose
+        )
         self.placed.append(placed)
         return placed
 
@@ -230,7 +269,9 @@ class Placement:
         return upright(first, last)
 
 
-def about_centre(item: Item, x: float, y: float, yaw: float, z: float = 0.0) -> tuple[float, float, float, float]:
+def about_centre(
+    item: Item, x: float, y: float, yaw: float, z: float = 0.0
+) -> tuple[float, float, float, float]:
     """Return the pose that brings the middle of an object's foot to a spot."""
     corners = extent(boxes_of(item))
     out = float(corners[0, 1] + corners[1, 1]) / 2
@@ -260,7 +301,9 @@ def _holds(support: Placed, boxes: Boxes, z: float) -> bool:
         return False
     feet = boxes[boxes[:, 6] < z + 0.012]
     corners = extent(feet)[:, :2]
-    spots = np.array([[corners[a, 0], corners[b, 1]] for a in (0, 1) for b in (0, 1)] + [corners.mean(axis=0)])
+    spots = np.array(
+        [[corners[a, 0], corners[b, 1]] for a in (0, 1) for b in (0, 1)] + [corners.mean(axis=0)]
+    )
     a, b, c = top[1][:, 0], top[1][:, 1], top[1][:, 2]
     inside = np.ones((len(spots), len(a)), bool)
     for first, last in ((a, b), (b, c), (c, a)):

@@ -36,9 +36,13 @@ def furnish_lounge(placement: Placement) -> None:
     for _ in range(int(np.clip(round(area / 12), 1, 4))):
         _sitting_group(placement)
     if placement.chance(0.6):
-        placement.hang(make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.3), tries=10)
+        placement.hang(
+            make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.3), tries=10
+        )
     for _ in range(int(rng.integers(1, 4))):
-        placement.against_wall(pick_chair(placement, ("four-leg", "cantilever", "armchair")), turn=0.3, gap=0.1)
+        placement.against_wall(
+            pick_chair(placement, ("four-leg", "cantilever", "armchair")), turn=0.3, gap=0.1
+        )
     bookcases(placement, placement.times(0.8 + area / 22), ("low", "open", "glass"))
     for _ in range(placement.times(area / 22)):
         meeting_corner(placement, pick_chair(placement, ("four-leg", "cantilever", "stool")))
@@ -46,7 +50,18 @@ def furnish_lounge(placement: Placement) -> None:
     floor_clutter(
         placement,
         2 + area * 0.12,
-        ("plant", "plant", "floor lamp", "cushion", "bin", "bag", "coat stand", "water cooler", "fan", "carton"),
+        (
+            "plant",
+            "plant",
+            "floor lamp",
+            "cushion",
+            "bin",
+            "bag",
+            "coat stand",
+            "water cooler",
+            "fan",
+            "carton",
+        ),
     )
 
 
@@ -72,7 +87,9 @@ def _sitting_group(placement: Placement) -> None:
     dress_top(placement, low, _ON_TABLES, 2 + 2 * placement.mess())
     chair = make_chair("armchair", placement.style, rng)
     for side in rng.permutation([1.0, 2.0, -2.0])[: int(rng.integers(1, 4))]:
-        seat_at(placement, low, chair, rng.normal(0, 0.1), side=float(side), pull=rng.uniform(0.35, 0.6))
+        seat_at(
+            placement, low, chair, rng.normal(0, 0.1), side=float(side), pull=rng.uniform(0.35, 0.6)
+        )
 
 
 def furnish_lobby(placement: Placement) -> None:
@@ -81,11 +98,18 @@ def furnish_lobby(placement: Placement) -> None:
     windows(placement)
     if area > 15 and placement.chance(0.6):
         desk = placement.freely(
-            make_table("corner", placement.style, rng), yaw=float(rng.integers(4)) * np.pi / 2, margin=0.8
+            make_table("corner", placement.style, rng),
+            yaw=float(rng.integers(4)) * np.pi / 2,
+            margin=0.8,
         )
         if desk is not None:
             seat_at(placement, desk, pick_chair(placement, ("task",)), 0.0)
-            dress_top(placement, desk, ("monitor", "keyboard", "telephone", "paper", "small plant", "pen pot"), 5)
+            dress_top(
+                placement,
+                desk,
+                ("monitor", "keyboard", "telephone", "paper", "small plant", "pen pot"),
+                5,
+            )
     for _ in range(int(np.clip(area / 14, 1, 5))):
         if placement.chance(0.5):
             _sitting_group(placement)
@@ -126,9 +150,13 @@ def furnish_hallway(placement: Placement) -> None:
         placement.against_wall(guest, turn=0.1)
     for _ in range(placement.times(0.1 * length)):
         placement.against_wall(
-            make_bookcase(str(rng.choice(["low", "open", "glass", "cupboard"])), placement.style, rng)
+            make_bookcase(
+                str(rng.choice(["low", "open", "glass", "cupboard"])), placement.style, rng
+            )
         )
-    wall_clutter(placement, 0.8 * length, ("picture", "picture", "picture", "wall box", "cable run", "clock"))
+    wall_clutter(
+        placement, 0.8 * length, ("picture", "picture", "picture", "wall box", "cable run", "clock")
+    )
     floor_clutter(
         placement,
         length * (0.15 + 0.3 * placement.mess()),
@@ -179,7 +207,8 @@ def furnish_pantry(placement: Placement) -> None:
         for kind in ("coffee machine", "microwave", "mug", "mug", "bottle", "vase"):
             placement.on_top(below, make_clutter(kind, placement.style, rng), yaw=0.0)
         top = placement.try_poses(
-            make_clutter("wall cupboard", placement.style, rng), [(below.x, below.y, 1.45, below.yaw)]
+            make_clutter("wall cupboard", placement.style, rng),
+            [(below.x, below.y, 1.45, below.yaw)],
         )
     placement.against_wall(make_clutter("fridge", placement.style, rng), near=below)
     if placement.chance(0.4):
@@ -200,10 +229,17 @@ def eating_place(placement: Placement) -> None:
     """Place a small table with chairs, or a high one with stools."""
     rng = placement.rng
     if placement.chance(0.4):
-        table = stand("table", meeting_parts(rng.uniform(1.1, 2.0), rng.uniform(0.7, 0.95), 0.74, placement.style, rng))
+        table = stand(
+            "table",
+            meeting_parts(
+                rng.uniform(1.1, 2.0), rng.uniform(0.7, 0.95), 0.74, placement.style, rng
+            ),
+        )
     else:
         table = make_table(str(rng.choice(["round", "pedestal", "trestle"])), placement.style, rng)
-    placed: Placed | None = placement.freely(table, yaw=float(rng.integers(4)) * np.pi / 2, margin=0.4)
+    placed: Placed | None = placement.freely(
+        table, yaw=float(rng.integers(4)) * np.pi / 2, margin=0.4
+    )
     if placed is None:
         return
     chair = (
@@ -211,7 +247,14 @@ def eating_place(placement: Placement) -> None:
         if placed.size[2] > 0.9
         else pick_chair(placement, ("four-leg", "cantilever", "folding", "stool"))
     )
-    seats_around(placement, placed, chair, 0.65, ends=False, round_=bool(abs(placed.size[0] - placed.size[1]) < 0.05))
+    seats_around(
+        placement,
+        placed,
+        chair,
+        0.65,
+        ends=False,
+        round_=bool(abs(placed.size[0] - placed.size[1]) < 0.05),
+    )
     dress_top(placement, placed, ("mug", "bottle", "paper", "vase", "books"), 2.0)
 
 
@@ -234,9 +277,13 @@ def furnish_washroom(placement: Placement) -> None:
     near = None
     basin = make_clutter("basin", placement.style, rng)
     for _ in range(int(rng.integers(1, 4))):
-        near = placement.against_wall(basin, z=0.66, gap=0.003, near=near, turn=0.0, tries=12) or near
+        near = (
+            placement.against_wall(basin, z=0.66, gap=0.003, near=near, turn=0.0, tries=12) or near
+        )
         if near is not None and placement.chance(0.8):
-            placement.try_poses(make_clutter("mirror", placement.style, rng), [(near.x, near.y, 1.15, near.yaw)])
+            placement.try_poses(
+                make_clutter("mirror", placement.style, rng), [(near.x, near.y, 1.15, near.yaw)]
+            )
     for kind in ("towel box", "towel box", "wall box"):
         placement.hang(make_clutter(kind, placement.style, rng), rng.uniform(1.0, 1.3))
     floor_clutter(placement, 2.0, ("bin", "bin", "trolley", "carton"))

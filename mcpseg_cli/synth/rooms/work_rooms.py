@@ -30,11 +30,26 @@ from mcpseg_cli.synth.things.tables import make_table, meeting_parts
 _SWIVEL = ("task", "executive")
 _VISITOR = ("four-leg", "four-leg", "cantilever", "folding", "armchair")
 _CABINETS_AND_SUCH = (
-    "filing cabinet", "filing cabinet", "filing cabinet", "lockers", "plant", "plant", "coat stand", "floor lamp",
-    "fan", "copier",
-    "bicycle", "partition", "partition", "fridge", "water cooler", "tv stand", "leaning board", "carton pile",
+    "filing cabinet",
+    "filing cabinet",
+    "filing cabinet",
+    "lockers",
+    "plant",
+    "plant",
+    "coat stand",
+    "floor lamp",
+    "fan",
+    "copier",
+    "bicycle",
+    "partition",
+    "partition",
+    "fridge",
+    "water cooler",
+    "tv stand",
+    "leaning board",
+    "carton pile",
     "trolley",
-)  # fmt: skip
+)
 _SHELVES = ("open", "open", "open", "cupboard", "glass", "low", "low", "rack")
 
 
@@ -42,7 +57,9 @@ def pick_chair(placement: Placement, designs: tuple[str, ...]) -> Item:
     """Make a chair of one of the designs, those in use in the building preferred."""
     usual = tuple(design for design in designs if design in placement.style.chairs)
     choice = usual if usual and placement.chance(0.85) else designs
-    return make_chair(choice[int(placement.rng.integers(len(choice)))], placement.style, placement.rng)
+    return make_chair(
+        choice[int(placement.rng.integers(len(choice)))], placement.style, placement.rng
+    )
 
 
 def pick_desk(placement: Placement) -> Item:
@@ -52,7 +69,9 @@ def pick_desk(placement: Placement) -> Item:
         for design in ("desk", "desk", "desk", "corner", "standing", "trestle")
         if design in placement.style.tables
     ]
-    return make_table(str(placement.rng.choice(np.array(usual or ["desk"]))), placement.style, placement.rng)
+    return make_table(
+        str(placement.rng.choice(np.array(usual or ["desk"]))), placement.style, placement.rng
+    )
 
 
 def work_place(
@@ -116,10 +135,15 @@ def meeting_corner(placement: Placement, chair: Item) -> None:
     is_long = float(placement.size.prod()) > 17 and placement.chance(0.6)
     if is_long:
         table = stand(
-            "table", meeting_parts(rng.uniform(1.3, 2.0), rng.uniform(0.75, 0.95), 0.74, placement.style, rng)
+            "table",
+            meeting_parts(
+                rng.uniform(1.3, 2.0), rng.uniform(0.75, 0.95), 0.74, placement.style, rng
+            ),
         )
     else:
-        table = make_table(str(rng.choice(["round", "round", "round", "pedestal"])), placement.style, rng)
+        table = make_table(
+            str(rng.choice(["round", "round", "round", "pedestal"])), placement.style, rng
+        )
     placed = placement.freely(table, margin=0.75, tries=20, yaw=float(rng.integers(4)) * np.pi / 2)
     if placed is not None:
         seats_around(placement, placed, chair, 0.65, round_=not is_long)
@@ -147,7 +171,10 @@ def furnish_open_plan(placement: Placement) -> None:
     along = 0 if placement.size[0] >= placement.size[1] else 1
     desk = make_table(str(rng.choice(["desk", "desk", "standing"])), placement.style, rng)
     chair = pick_chair(placement, _SWIVEL)
-    screen = stand("clutter", partition_parts(desk.bounds()[1, 0] * 2, rng.uniform(1.15, 1.5), placement.style, rng))
+    screen = stand(
+        "clutter",
+        partition_parts(desk.bounds()[1, 0] * 2, rng.uniform(1.15, 1.5), placement.style, rng),
+    )
     wide, deep = float(np.ptp(desk.bounds()[:, 0])) + 0.03, float(desk.bounds()[1, 1])
     step_along, step_across = 2 * wide + rng.uniform(1.0, 1.5), 2 * deep + rng.uniform(1.7, 2.3)
     starts = _spread(0.8 + wide, float(placement.size[along]) - wide - 0.8, step_along)
@@ -173,7 +200,9 @@ def _spread(first: float, last: float, step: float) -> Points:
     return np.linspace(first, last, 1 + int((last - first) / step))
 
 
-def _desk_block(placement: Placement, spot: tuple[float, float], along: int, pieces: tuple[Item, Item, Item]) -> None:
+def _desk_block(
+    placement: Placement, spot: tuple[float, float], along: int, pieces: tuple[Item, Item, Item]
+) -> None:
     """Place four desks, two by two, back to back about a spot given from the room's corner."""
     desk, chair, screen = pieces
     turn = 0.0 if along == 0 else np.pi / 2
@@ -196,7 +225,11 @@ def _desk_block(placement: Placement, spot: tuple[float, float], along: int, pie
             if placed is None:
                 continue
             seat_at(
-                placement, placed, chair, placement.rng.normal(0, 0.1), pull=float(abs(placement.rng.normal(0, 0.2)))
+                placement,
+                placed,
+                chair,
+                placement.rng.normal(0, 0.1),
+                pull=float(abs(placement.rng.normal(0, 0.2))),
             )
             dress_desk(placement, placed, computer=0.9)
 
@@ -208,7 +241,9 @@ def furnish_meeting_room(placement: Placement) -> None:
     along = int(np.argmax(size))
     length = float(np.clip(size[along] - rng.uniform(2.2, 2.9), 1.4, 6.5))
     depth = float(np.clip(size[1 - along] - rng.uniform(2.5, 3.1), 0.8, 1.6))
-    table = stand("table", meeting_parts(length, depth, rng.uniform(0.71, 0.76), placement.style, rng))
+    table = stand(
+        "table", meeting_parts(length, depth, rng.uniform(0.71, 0.76), placement.style, rng)
+    )
     middle = (placement.room.low + placement.room.high) / 2
     turn = 0.0 if along == 0 else np.pi / 2
     poses = []
@@ -219,7 +254,9 @@ def furnish_meeting_room(placement: Placement) -> None:
     if placement.chance(0.85):
         board(placement, ("whiteboard", "whiteboard", "projection screen", "chalkboard"))
     if placement.chance(0.5):
-        placement.hang(make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.2), tries=12)
+        placement.hang(
+            make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.2), tries=12
+        )
     chair = pick_chair(placement, ("task", "cantilever", "executive", "four-leg", "armchair"))
     if placed is not None:
         seats_around(placement, placed, chair, rng.uniform(0.58, 0.7))
@@ -233,15 +270,29 @@ def furnish_meeting_room(placement: Placement) -> None:
     bookcases(placement, placement.times(1.7), ("low", "low", "cupboard", "open"))
     if placement.chance(0.4):
         placement.against_wall(
-            make_board(str(rng.choice(["flip chart", "mobile"])), placement.style, rng), gap=0.3, turn=0.4
+            make_board(str(rng.choice(["flip chart", "mobile"])), placement.style, rng),
+            gap=0.3,
+            turn=0.4,
         )
     for _ in range(placement.times(5.0)):
         placement.against_wall(chair, turn=0.2, gap=0.1)
-    wall_clutter(placement, 1.5 + 0.05 * float(size.prod()), ("picture", "picture", "clock", "cable run"))
+    wall_clutter(
+        placement, 1.5 + 0.05 * float(size.prod()), ("picture", "picture", "clock", "cable run")
+    )
     floor_clutter(
         placement,
         1.0 + 2 * placement.mess(),
-        ("bin", "plant", "plant", "coat stand", "tv stand", "carton", "backpack", "trolley", "cables"),
+        (
+            "bin",
+            "plant",
+            "plant",
+            "coat stand",
+            "tv stand",
+            "carton",
+            "backpack",
+            "trolley",
+            "cables",
+        ),
     )
 
 
@@ -278,9 +329,16 @@ def furnish_storage(placement: Placement) -> None:
     """Racks along the walls, boxes, ladders, trolleys, stacked chairs, things put away."""
     rng, area = placement.rng, float(placement.size.prod())
     if placement.chance(0.5):
-        placed = placement.against_wall(make_table(str(rng.choice(["desk", "trestle"])), placement.style, rng))
+        placed = placement.against_wall(
+            make_table(str(rng.choice(["desk", "trestle"])), placement.style, rng)
+        )
         if placed is not None:
-            dress_top(placement, placed, ("carton", "books", "printer", "monitor", "trays", "paper", "bottle"), 5)
+            dress_top(
+                placement,
+                placed,
+                ("carton", "books", "printer", "monitor", "trays", "paper", "bottle"),
+                5,
+            )
     for _ in range(placement.times(1.2)):
         stack(placement, make_chair("four-leg", placement.style, rng))
     bookcases(placement, int(1 + area / 5), ("rack", "rack", "rack", "open", "cupboard"))
@@ -308,5 +366,10 @@ def furnish_storage(placement: Placement) -> None:
 
 def stack(placement: Placement, chair: Item) -> None:
     """Stack two to five chairs, each a little higher and further forward than the one below."""
-    items = [chair.moved(y=0.035 * row, z=0.085 * row) for row in range(int(placement.rng.integers(2, 6)))]
-    placement.against_wall([Item("chair", tuple(part for item in items for part in item.parts))], gap=0.1, turn=0.2)
+    items = [
+        chair.moved(y=0.035 * row, z=0.085 * row)
+        for row in range(int(placement.rng.integers(2, 6)))
+    ]
+    placement.against_wall(
+        [Item("chair", tuple(part for item in items for part in item.parts))], gap=0.1, turn=0.2
+    )

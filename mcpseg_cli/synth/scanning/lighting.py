@@ -46,7 +46,9 @@ def bake(mesh: Mesh, grid: RoomGrid, samples: Samples, rng: np.random.Generator)
     ambient = (
         rng.uniform(0.3, 0.8) * mean * np.array([1.03, 1.0, 0.94], np.float32)
     )  # after a bounce off floor and walls
-    light = direct + ambient * openness[:, None] * (1.0 - 0.3 * normals[:, 2:]).astype(np.float32)  # floors shine back
+    light = direct + ambient * openness[:, None] * (1.0 - 0.3 * normals[:, 2:]).astype(
+        np.float32
+    )  # floors shine back
     light = _blur(light, table, shape)
     light /= max(float(light.mean()), 1e-6)
     shone: Floats = (light[cells[0]] + light[cells[1]]) * np.float32(0.5)
@@ -58,10 +60,13 @@ def _probe_cells(
 ) -> tuple[list[NDArray[np.int32]], NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
     """Return two (N,) probes for each point, for each probe the point that stands for it, the table and its shape.
 
-    A point looks up places shaken by a cell, where there are probes, so that the edges of cells and the grain of
-    shadows do not show.
+    A point looks up places shaken by a cell, where there are probes, so that the edges of cells and
+    the grain of shadows do not show.
     """
-    low, shape = samples.xyz.min(axis=0) - 2 * PROBE, np.ceil(np.ptp(samples.xyz, axis=0) / PROBE).astype(np.int64) + 5
+    low, shape = (
+        samples.xyz.min(axis=0) - 2 * PROBE,
+        np.ceil(np.ptp(samples.xyz, axis=0) / PROBE).astype(np.int64) + 5,
+    )
     facing = facing_of(samples.normals)
     table = np.zeros(int(np.prod(shape)) * 6, np.int32)
     own = np.empty(len(facing), np.int32)
@@ -76,7 +81,9 @@ def _probe_cells(
 
 
 @njit(cache=True, nogil=True)
-def _blur(light: NDArray[np.float32], table: NDArray[np.int32], shape: NDArray[np.int64]) -> NDArray[np.float32]:
+def _blur(
+    light: NDArray[np.float32], table: NDArray[np.int32], shape: NDArray[np.int64]
+) -> NDArray[np.float32]:
     """Average the light of each probe with that of the probes around it that face the same way."""
     out = np.zeros_like(light)
     for x in range(1, shape[0] - 1):
@@ -123,15 +130,27 @@ def _lights(
         face = faces[rng.choice(len(faces), SPOTS, p=areas[faces] / areas[faces].sum())]
         u, v = np.sort(rng.random((2, SPOTS)), axis=0)
         a, b, c = mesh.triangles[face].transpose(1, 0, 2)
-        spots.append((a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] - grid.low) / VOXEL)
+        spots.append(
+            (a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] - grid.low) / VOXEL
+        )
         facing.append(mesh.normals[face])
         colours.append(np.array(mesh.parts[number].material.base, np.float32) / 255)
         is_lamp = not mesh.is_glass[number]
         powers.append(
-            glow[number] * (LAMP_GAIN * max(float(areas[faces].sum()), 0.1) if is_lamp else float(areas[faces].sum()))
+            glow[number]
+            * (
+                LAMP_GAIN * max(float(areas[faces].sum()), 0.1)
+                if is_lamp
+                else float(areas[faces].sum())
+            )
         )
     if not spots:
-        return np.zeros((0, SPOTS, 3)), np.zeros((0, SPOTS, 3)), np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+        return (
+            np.zeros((0, SPOTS, 3)),
+            np.zeros((0, SPOTS, 3)),
+            np.zeros((0, 3), np.float32),
+            np.zeros(0, np.float32),
+        )
     return (
         np.array(spots),
         np.array(facing),
@@ -158,19 +177,32 @@ def _shine(
             square = dx * dx + dy * dy + dz * dz + 20.0
             length = np.sqrt(square)
             falls = (dx * normals[row, 0] + dy * normals[row, 1] + dz * normals[row, 2]) / length
-            leaves = -(dx * facing[lamp, spot, 0] + dy * facing[lamp, spot, 1] + dz * facing[lamp, spot, 2]) / length
+            leaves = (
+                -(
+                    dx * facing[lamp, spot, 0]
+                    + dy * facing[lamp, spot, 1]
+                    + dz * facing[lamp, spot, 2]
+                )
+                / length
+            )
             strength[lamp] = power[lamp] * max(falls, 0.0) * (0.05 + max(leaves, 0.0)) / square
             total += strength[lamp]
         for lamp in range(len(spots)):
-            rays = 0 if strength[lamp] <= 0.04 * total else (1 if strength[lamp] < 0.2 * total else 3)
+            rays = (
+                0 if strength[lamp] <= 0.04 * total else (1 if strength[lamp] < 0.2 * total else 3)
+            )
             reached = 0
             for ray in range(rays):
                 spot = (draws[row, lamp] + 5 * ray) % len(spots[lamp])
                 reached += is_clear(
-                    xyz[row, 0] + normals[row, 0], xyz[row, 1] + normals[row, 1], xyz[row, 2] + normals[row, 2],
-                    spots[lamp, spot, 0] + 2 * facing[lamp, spot, 0], spots[lamp, spot, 1] + 2 * facing[lamp, spot, 1],
-                    spots[lamp, spot, 2] + 2 * facing[lamp, spot, 2], distance,
-                )  # fmt: skip
+                    xyz[row, 0] + normals[row, 0],
+                    xyz[row, 1] + normals[row, 1],
+                    xyz[row, 2] + normals[row, 2],
+                    spots[lamp, spot, 0] + 2 * facing[lamp, spot, 0],
+                    spots[lamp, spot, 1] + 2 * facing[lamp, spot, 1],
+                    spots[lamp, spot, 2] + 2 * facing[lamp, spot, 2],
+                    distance,
+                )
             share = strength[lamp] * (reached / rays if rays else 0.6)
             for channel in range(3):
                 out[row, channel] += share * colour[lamp, channel] * 400.0
@@ -178,7 +210,10 @@ def _shine(
 
 @njit(cache=True, nogil=True)
 def _look_around(
-    xyz: NDArray[np.float64], normals: NDArray[np.float64], distance: NDArray[np.uint8], out: NDArray[np.float32]
+    xyz: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    distance: NDArray[np.uint8],
+    out: NDArray[np.float32],
 ) -> None:
     """Work out how open the space before each probe is: how far from surfaces one gets along the normal."""
     for row in range(len(xyz)):
@@ -187,6 +222,10 @@ def _look_around(
             i = int(np.floor(xyz[row, 0] + reach * normals[row, 0]))
             j = int(np.floor(xyz[row, 1] + reach * normals[row, 1]))
             k = int(np.floor(xyz[row, 2] + reach * normals[row, 2]))
-            if 0 <= i < distance.shape[0] and 0 <= j < distance.shape[1] and 0 <= k < distance.shape[2]:
+            if (
+                0 <= i < distance.shape[0]
+                and 0 <= j < distance.shape[1]
+                and 0 <= k < distance.shape[2]
+            ):
                 total += min(distance[i, j, k] / (reach - 1.0), 1.0)
         out[row] = 0.25 + 0.25 * total

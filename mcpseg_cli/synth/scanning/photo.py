@@ -38,7 +38,9 @@ def develop(
     colour = _exposed(painted, light, glow, style, rng)
     count = int(tripod.max()) + 1 if len(tripod) else 1
     tint = np.array([0.03, 0.0, -0.08]) * rng.normal(1, 1) + rng.normal(0, 0.02, 3)
-    per_view = np.exp(tint + rng.normal(0, 0.1, (count, 1)) + rng.normal(0, 0.025, (count, 3))).astype(np.float32)
+    per_view = np.exp(
+        tint + rng.normal(0, 0.1, (count, 1)) + rng.normal(0, 0.025, (count, 3))
+    ).astype(np.float32)
     seed = np.full(len(colour), int(rng.integers(1 << 31)), np.uint32)
     patches = 0.94 + 0.12 * fbm(samples.xyz, 0.7, seed, 1)
     colour = colour * patches[:, None] * per_view[tripod]
@@ -52,17 +54,25 @@ def develop(
     return photo
 
 
-def _exposed(painted: Floats, light: Floats, glow: Floats, style: Style, rng: np.random.Generator) -> Floats:
+def _exposed(
+    painted: Floats, light: Floats, glow: Floats, style: Style, rng: np.random.Generator
+) -> Floats:
     """Return the (N, 3) light that reaches the film, 0-1 where it is neither too dark nor too bright."""
-    contrast = np.float32(rng.uniform(0.6, 1.0))  # cameras squeeze the range between lit and dark places
+    contrast = np.float32(
+        rng.uniform(0.6, 1.0)
+    )  # cameras squeeze the range between lit and dark places
     cast = light.mean(axis=0) / max(float(light.mean()), 1e-6)
-    lit = np.maximum(light, 1e-4) ** contrast * cast ** np.float32(-rng.uniform(*style.white_balance))
+    lit = np.maximum(light, 1e-4) ** contrast * cast ** np.float32(
+        -rng.uniform(*style.white_balance)
+    )
     lit += np.minimum(glow, 2.0)[:, None] * np.float32(1.6)
     colour = (painted / 255) ** 2.2 * lit
     usual = np.median(colour[:: max(1, len(colour) // 20000)].mean(axis=1)) if len(colour) else 1.0
     draw = rng.random()
     exposure = rng.uniform(*style.exposure) * (0.35 if draw < 0.05 else 2.2 if draw < 0.09 else 1.0)
-    exposed: Floats = colour * np.float32(exposure * rng.uniform(0.17, 0.24) / max(float(usual), 0.02))
+    exposed: Floats = colour * np.float32(
+        exposure * rng.uniform(0.17, 0.24) / max(float(usual), 0.02)
+    )
     return exposed
 
 
@@ -83,7 +93,8 @@ def take_from_panorama(
         rng: Random numbers: how far each panorama is off (up to 0.4 degrees), and which points fly.
 
     Returns:
-        Places and colours; near edges colours come from what lies before or behind, and a few points hang in between.
+        Places and colours; near edges colours come from what lies before or behind, and a few
+        points hang in between.
     """
     width = int(rng.integers(700, 1400))
     pixel = np.radians(360.0 / width)

@@ -47,7 +47,8 @@ class Samples:
         xyz: (N, 3) float32, metres, map frame.
         normals: (N, 3) float32 unit vectors.
         part: (N,) int32 part of the mesh.
-        rank: (N,) float32, 0-1; those below any share of 1 are that share of the points, evenly spread.
+        rank: (N,) float32, 0-1; those below any share of 1 are that share of the points, evenly
+            spread.
     """
 
     xyz: Floats
@@ -65,7 +66,9 @@ def mesh_of(items: list[Item]) -> Mesh:
     parts = tuple(part for item in items for part in item.parts)
     item = np.repeat(np.arange(len(items), dtype=np.int32), [len(entry.parts) for entry in items])
     triangles = np.concatenate([part.triangles for part in parts])
-    part = np.repeat(np.arange(len(parts), dtype=np.int32), [len(entry.triangles) for entry in parts])
+    part = np.repeat(
+        np.arange(len(parts), dtype=np.int32), [len(entry.triangles) for entry in parts]
+    )
     sides = triangles[:, 1:] - triangles[:, :1]
     areas = 0.5 * np.cross(sides[:, 0], sides[:, 1])
     size = np.linalg.norm(areas, axis=1)
@@ -80,10 +83,12 @@ def mesh_of(items: list[Item]) -> Mesh:
 def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples:
     """Spread points evenly over the surfaces: one for each square of ``spacing``, three quarters of that on glass.
 
-    Each triangle has its own stretch of a low-discrepancy sequence over its parallelogram, of which half falls into the
-    triangle, so that there are no clumps and holes.
+    Each triangle has its own stretch of a low-discrepancy sequence over its parallelogram, of which
+    half falls into the triangle, so that there are no clumps and holes.
     """
-    expected = area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
+    expected = (
+        area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
+    )
     counts = np.floor(2 * expected + rng.random(len(expected))).astype(np.int64)
     face = np.repeat(np.arange(len(counts)), counts)
     term = np.arange(len(face)) - (np.cumsum(counts) - counts)[face]
@@ -92,7 +97,12 @@ def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples
     reach = np.linalg.norm(mesh.triangles[:, 1:] - mesh.triangles[:, :1], axis=2).T
     shake = np.minimum(0.2 * spacing / reach, 0.25)
     first, second = (
-        (start[k][face] + term * _STEPS[k] + shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)) % 1.0
+        (
+            start[k][face]
+            + term * _STEPS[k]
+            + shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)
+        )
+        % 1.0
         for k in range(2)
     )
     kept = np.flatnonzero(first + second <= 1)
@@ -102,13 +112,17 @@ def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples
     sides = (mesh.triangles[:, 1:] - mesh.triangles[:, :1]).astype(np.float32)
     along, up = first.astype(np.float32)[:, None], second.astype(np.float32)[:, None]
     xyz = corners[face] + along * sides[face, 0] + up * sides[face, 1]
-    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank.astype(np.float32))
+    return Samples(
+        xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank.astype(np.float32)
+    )
 
 
 def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Floats:
     """Paint points with the materials of their parts: (N, 3) float32, 0-255, as under even white light."""
     materials = [part.material for part in mesh.parts]
-    base, accent = (np.array([getattr(m, name) for m in materials], np.float32) for name in ("base", "accent"))
+    base, accent = (
+        np.array([getattr(m, name) for m in materials], np.float32) for name in ("base", "accent")
+    )
     scale = np.array([m.scale for m in materials], np.float32)
     seed = np.array([(m.seed * 31 + k) & 0xFFFFFFFF for k, m in enumerate(materials)], np.uint32)
     grain = np.array([np.argmax(part.high - part.low) for part in mesh.parts], np.int8)
@@ -124,7 +138,9 @@ def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Flo
         rows = np.flatnonzero(pattern == number)
         if len(rows):
             p = samples.part[rows]
-            surface = Surface(xyz[rows], normals[rows], base[p], accent[p], scale[p], seed[p], grain[p], middle[p])
+            surface = Surface(
+                xyz[rows], normals[rows], base[p], accent[p], scale[p], seed[p], grain[p], middle[p]
+            )
             colour[rows] = paint_surface(name, surface, rng)
     return colour
 

@@ -14,7 +14,14 @@ from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.scanning.lighting import bake
 from mcpseg_cli.synth.scanning.photo import develop, take_from_panorama
 from mcpseg_cli.synth.scanning.sampling import Mesh, Samples, mesh_of, paint_samples, sample_mesh
-from mcpseg_cli.synth.scanning.visibility import VOXEL, RoomGrid, build_room_grid, facing_of, is_clear, number_cells
+from mcpseg_cli.synth.scanning.visibility import (
+    VOXEL,
+    RoomGrid,
+    build_room_grid,
+    facing_of,
+    is_clear,
+    number_cells,
+)
 from mcpseg_cli.synth.surfaces.noise import Floats, fbm
 from mcpseg_cli.synth.surfaces.styles import Style
 
@@ -36,7 +43,9 @@ class Scan:
     item: NDArray[np.int32]
 
 
-def scan_room(items: list[Item], room: Room, style: Style, spacing: float, rng: np.random.Generator) -> Scan:
+def scan_room(
+    items: list[Item], room: Room, style: Style, spacing: float, rng: np.random.Generator
+) -> Scan:
     """Scan a furnished room from a few tripods, with light, noise and gaps.
 
     Args:
@@ -72,7 +81,9 @@ def place_tripods(room: Room, grid: RoomGrid, rng: np.random.Generator) -> NDArr
     count = int(np.clip(round(wanted_views + rng.normal(0, 0.7)), 3, 12))
     tries = rng.uniform(room.low + 0.35, room.high - 0.35, (400, 2))
     heights = np.arange(0.15, 1.8, 0.15)
-    probes = np.concatenate([np.column_stack([tries, np.full(len(tries), height)]) for height in heights])
+    probes = np.concatenate(
+        [np.column_stack([tries, np.full(len(tries), height)]) for height in heights]
+    )
     room_to_stand = grid.at(probes).reshape(len(heights), -1).min(axis=0)
     wanted = min(6, int(np.partition(room_to_stand, -20)[-20]))
     spots = tries[room_to_stand >= max(wanted, 2)]
@@ -94,7 +105,9 @@ def _covered(mesh: Mesh, samples: Samples, room: Room) -> NDArray[np.bool_]:
     order = is_shell[np.argsort(samples.xyz[is_shell, 0], kind="stable")]
     boxes = [part for part in mesh.parts if _is_box(part)]
     if boxes:
-        around = np.array([[f(part.triangles.reshape(-1, 3), axis=0) for f in (np.min, np.max)] for part in boxes])
+        around = np.array(
+            [[f(part.triangles.reshape(-1, 3), axis=0) for f in (np.min, np.max)] for part in boxes]
+        )
         own = np.array([[part.low, part.high, part.origin] for part in boxes])
         yaw = np.array([part.yaw for part in boxes])
         _mark_under(samples.xyz[order], samples.normals[order], order, around, own, yaw, covered)
@@ -103,7 +116,10 @@ def _covered(mesh: Mesh, samples: Samples, room: Room) -> NDArray[np.bool_]:
 
 def _is_box(part: Part) -> bool:
     """Return whether a part is one box: 12 triangles between 8 corners."""
-    return len(part.triangles) == 12 and len(np.unique(part.triangles.reshape(-1, 3).round(5), axis=0)) == 8
+    return (
+        len(part.triangles) == 12
+        and len(np.unique(part.triangles.reshape(-1, 3).round(5), axis=0)) == 8
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -135,7 +151,12 @@ def _mark_under(
         for row in range(np.searchsorted(xyz[:, 0], low[0]), len(xyz)):
             if xyz[row, 0] > high[0]:
                 break
-            if xyz[row, 1] < low[1] or xyz[row, 1] > high[1] or xyz[row, 2] < low[2] or xyz[row, 2] > high[2]:
+            if (
+                xyz[row, 1] < low[1]
+                or xyz[row, 1] > high[1]
+                or xyz[row, 2] < low[2]
+                or xyz[row, 2] > high[2]
+            ):
                 continue
             for step in (0.004, 0.012, 0.024, 0.036, 0.05):
                 dx = xyz[row, 0] + step * normals[row, 0] - own[number, 2, 0]
@@ -157,13 +178,23 @@ def _seen(
     """Keep the points that a tripod sees, fewer where it looks from afar or at a flat angle; turn normals to it."""
     tripod = np.full(len(samples.xyz), -1, np.int8)
     shape = np.array(grid.distance.shape, np.int64)
-    cell = np.clip(((samples.xyz - grid.low) / VOXEL).astype(np.int32), 0, shape.astype(np.int32) - 1)
+    cell = np.clip(
+        ((samples.xyz - grid.low) / VOXEL).astype(np.int32), 0, shape.astype(np.int32) - 1
+    )
     own = np.empty(len(cell), np.int32)
     table = np.zeros(int(np.prod(shape)) * 6, np.int32)
     first = number_cells(cell, facing_of(samples.normals), shape, table, own)
     views = np.zeros(len(first), np.uint16)
     closed = mesh.is_closed[samples.part]
-    _look_out(samples.xyz[first], samples.normals[first], closed[first], tripods, grid.low, grid.distance, views)
+    _look_out(
+        samples.xyz[first],
+        samples.normals[first],
+        closed[first],
+        tripods,
+        grid.low,
+        grid.distance,
+        views,
+    )
     _choose_viewer(samples.xyz, samples.normals, closed, views, own, tripods, samples.rank, tripod)
     seen = tripod >= 0
     samples, tripod = samples.chosen(seen), tripod[seen]
@@ -181,22 +212,37 @@ def _look_out(
     """Set a bit for each tripod that sees each point; three are enough, the nearest ones."""
     apart = np.empty(len(tripods))
     for row in range(len(xyz)):
-        x, y, z = (xyz[row, 0] - low[0]) / VOXEL, (xyz[row, 1] - low[1]) / VOXEL, (xyz[row, 2] - low[2]) / VOXEL
+        x, y, z = (
+            (xyz[row, 0] - low[0]) / VOXEL,
+            (xyz[row, 1] - low[1]) / VOXEL,
+            (xyz[row, 2] - low[2]) / VOXEL,
+        )
         for view in range(len(tripods)):
-            apart[view] = (tripods[view, 0] - xyz[row, 0]) ** 2 + (tripods[view, 1] - xyz[row, 1]) ** 2
+            apart[view] = (tripods[view, 0] - xyz[row, 0]) ** 2 + (
+                tripods[view, 1] - xyz[row, 1]
+            ) ** 2
         found = 0
         for _ in range(len(tripods)):
             view = int(np.argmin(apart))
             apart[view] = np.inf
             to_x, to_y, to_z = (
-                (tripods[view, 0] - low[0]) / VOXEL, (tripods[view, 1] - low[1]) / VOXEL, (tripods[view,
-                    2] - low[2]) / VOXEL,
-            )  # fmt: skip
-            facing = (to_x - x) * normals[row, 0] + (to_y - y) * normals[row, 1] + (to_z - z) * normals[row, 2]
+                (tripods[view, 0] - low[0]) / VOXEL,
+                (tripods[view, 1] - low[1]) / VOXEL,
+                (tripods[view, 2] - low[2]) / VOXEL,
+            )
+            facing = (
+                (to_x - x) * normals[row, 0]
+                + (to_y - y) * normals[row, 1]
+                + (to_z - z) * normals[row, 2]
+            )
             if is_closed[row] and facing < 0:
                 continue
             side = 1.0 if facing > 0 else -1.0
-            a, b, c = x + side * normals[row, 0], y + side * normals[row, 1], z + side * normals[row, 2]
+            a, b, c = (
+                x + side * normals[row, 0],
+                y + side * normals[row, 1],
+                z + side * normals[row, 2],
+            )
             if is_clear(a, b, c, to_x, to_y, to_z, distance):
                 views[row] |= np.uint16(1 << view)
                 found += 1
@@ -216,15 +262,23 @@ def _choose_viewer(
             continue
         need = draws[row]
         for view in range(len(tripods)):
-            apart[view] = (tripods[view, 0] - xyz[row, 0]) ** 2 + (tripods[view, 1] - xyz[row, 1]) ** 2
+            apart[view] = (tripods[view, 0] - xyz[row, 0]) ** 2 + (
+                tripods[view, 1] - xyz[row, 1]
+            ) ** 2
         for _ in range(len(tripods)):
             view = int(np.argmin(apart))
             apart[view] = np.inf
             if not (views[own[row]] >> view) & 1:
                 continue
-            dx, dy, dz = tripods[view, 0] - xyz[row, 0], tripods[view, 1] - xyz[row, 1], tripods[view, 2] - xyz[row, 2]
+            dx, dy, dz = (
+                tripods[view, 0] - xyz[row, 0],
+                tripods[view, 1] - xyz[row, 1],
+                tripods[view, 2] - xyz[row, 2],
+            )
             square = dx * dx + dy * dy + dz * dz
-            facing = (dx * normals[row, 0] + dy * normals[row, 1] + dz * normals[row, 2]) / np.sqrt(square + 1e-9)
+            facing = (dx * normals[row, 0] + dy * normals[row, 1] + dz * normals[row, 2]) / np.sqrt(
+                square + 1e-9
+            )
             if is_closed[row] and facing < 0.02:
                 continue
             need -= min(0.4 + 2.2 * abs(facing) / (1.0 + square / 9.0), 1.0)
@@ -238,7 +292,9 @@ def _gaps(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> NDArray[np.
     materials = [part.material for part in mesh.parts]
     dark = np.array([sum(material.base) < 130 for material in materials])
     shiny = np.array([material.pattern in ("metal", "screen", "marble") for material in materials])
-    size = (0.12 * dark + 0.2 * shiny) * rng.uniform(0.2, 1.2)  # about the share of points that are lost
+    size = (0.12 * dark + 0.2 * shiny) * rng.uniform(
+        0.2, 1.2
+    )  # about the share of points that are lost
     is_lost = rng.random(mesh.is_glass.sum()) < 0.12  # whole windows
     size[mesh.is_glass] = np.where(is_lost, 1.2, rng.uniform(0.03, 0.4))
     size += 0.03 if rng.random() < 0.08 else 0.0
@@ -262,7 +318,9 @@ def _warped(samples: Samples, rng: np.random.Generator) -> Floats:
     return bent
 
 
-def _noisy(xyz: Floats, tripod: NDArray[np.int8], tripods: NDArray[np.float64], rng: np.random.Generator) -> Floats:
+def _noisy(
+    xyz: Floats, tripod: NDArray[np.int8], tripods: NDArray[np.float64], rng: np.random.Generator
+) -> Floats:
     """Move points along their rays, one in a hundred far, and each tripod's together by a few millimetres."""
     sigma = rng.uniform(0.002, 0.007)
     error = rng.standard_normal(len(xyz), np.float32) * np.float32(sigma)
@@ -270,5 +328,9 @@ def _noisy(xyz: Floats, tripod: NDArray[np.int8], tripods: NDArray[np.float64], 
     ray = xyz - tripods.astype(np.float32)[tripod]
     length = np.linalg.norm(ray, axis=1)
     offset = np.clip(rng.normal(0, 0.003, (len(tripods), 3)), -0.01, 0.01).astype(np.float32)
-    moved: Floats = xyz + ray * (error * (0.7 + 0.1 * length) / np.maximum(length, 0.1))[:, None] + offset[tripod]
+    moved: Floats = (
+        xyz
+        + ray * (error * (0.7 + 0.1 * length) / np.maximum(length, 0.1))[:, None]
+        + offset[tripod]
+    )
     return moved

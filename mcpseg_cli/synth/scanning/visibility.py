@@ -21,7 +21,8 @@ class RoomGrid:
 
     Attributes:
         low: (3,) float64 corner of voxel (0, 0, 0), metres, map frame.
-        distance: (X, Y, Z) uint8 voxels to the next surface, 0 on one (the longest of the three axes counts).
+        distance: (X, Y, Z) uint8 voxels to the next surface, 0 on one (the longest of the three
+            axes counts).
     """
 
     low: NDArray[np.float64]
@@ -46,7 +47,9 @@ def build_room_grid(triangles: NDArray[np.float64]) -> RoomGrid:
     return RoomGrid(low, np.minimum(distance, 255).astype(np.uint8))
 
 
-def sees(grid: RoomGrid, points: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.bool_]:
+def sees(
+    grid: RoomGrid, points: NDArray[np.float64], targets: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Return for each point, (N, 3), whether nothing lies between it and its target, (N, 3)."""
     visible = np.empty(len(points), np.bool_)
     _sees((points - grid.low) / VOXEL, (targets - grid.low) / VOXEL, grid.distance, visible)
@@ -90,7 +93,9 @@ def number_cells(
 
 
 @njit(cache=True, nogil=True)
-def _rasterise(triangles: NDArray[np.float64], low: NDArray[np.float64], is_free: NDArray[np.uint8]) -> None:
+def _rasterise(
+    triangles: NDArray[np.float64], low: NDArray[np.float64], is_free: NDArray[np.uint8]
+) -> None:
     """Clear the voxels that triangles pass through, by points half a voxel apart."""
     for face in range(len(triangles)):
         a = (triangles[face, 0] - low) / 0.05
@@ -102,12 +107,18 @@ def _rasterise(triangles: NDArray[np.float64], low: NDArray[np.float64], is_free
             for j in range(int(np.ceil(steps_v * (1 - i / steps_u))) + 1):
                 s = i / steps_u
                 t = min(j / steps_v, 1 - s)
-                x, y, z = a[0] + s * u[0] + t * v[0], a[1] + s * u[1] + t * v[1], a[2] + s * u[2] + t * v[2]
+                x, y, z = (
+                    a[0] + s * u[0] + t * v[0],
+                    a[1] + s * u[1] + t * v[1],
+                    a[2] + s * u[2] + t * v[2],
+                )
                 is_free[int(x), int(y), int(z)] = 0
 
 
 @njit(cache=True, nogil=True)
-def is_clear(x: float, y: float, z: float, to_x: float, to_y: float, to_z: float, distance: NDArray[np.uint8]) -> bool:
+def is_clear(
+    x: float, y: float, z: float, to_x: float, to_y: float, to_z: float, distance: NDArray[np.uint8]
+) -> bool:
     """Return whether a ray, in voxels, reaches its target; surfaces within ``TOLERANCE`` of its start do not count."""
     dx, dy, dz = to_x - x, to_y - y, to_z - z
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -129,7 +140,10 @@ def is_clear(x: float, y: float, z: float, to_x: float, to_y: float, to_z: float
 
 @njit(cache=True, nogil=True)
 def _sees(
-    points: NDArray[np.float64], targets: NDArray[np.float64], distance: NDArray[np.uint8], visible: NDArray[np.bool_]
+    points: NDArray[np.float64],
+    targets: NDArray[np.float64],
+    distance: NDArray[np.uint8],
+    visible: NDArray[np.bool_],
 ) -> None:
     """Test every ray, in voxels."""
     for row in range(len(points)):

@@ -5,11 +5,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 Pattern = Literal[
-    "plain", "carpet", "wood", "brick", "plaster", "tiles", "acoustic", "concrete", "weave", "stripes", "checks",
-    "print", "leather", "metal", "glass", "screen", "foliage", "paper", "book", "whiteboard", "chalkboard",
-    "cardboard", "marble",
-]  # fmt: skip
+    "plain",
+    "carpet",
+    "wood",
+    "brick",
+    "plaster",
+    "tiles",
+    "acoustic",
+    "concrete",
+    "weave",
+    "stripes",
+    "checks",
+    "print",
+    "leather",
+    "metal",
+    "glass",
+    "screen",
+    "foliage",
+    "paper",
+    "book",
+    "whiteboard",
+    "chalkboard",
+    "cardboard",
+    "marble",
+]
 Colour = tuple[float, float, float]
 """Red, green, blue, 0-255."""
 
@@ -24,7 +46,8 @@ class Material:
         accent: Second colour: grain, mortar, stripes, ink.
         scale: Size of the pattern's repeat, metres.
         seed: Tells two surfaces of one material apart.
-        glow: Light the surface gives off itself, as a share of white: lamps, screens, panes with the day behind them.
+        glow: Light the surface gives off itself, as a share of white: lamps, screens, panes with
+            the day behind them.
     """
 
     pattern: Pattern
@@ -33,3 +56,10 @@ class Material:
     scale: float = 0.1
     seed: int = 0
     glow: float = 0.0
+
+
+def kelvin_colour(kelvin: float) -> Colour:
+    """Return the colour of a lamp of some temperature (2000-10000 K), its brightest channel 255; a fit by eye."""
+    share = float(np.clip((kelvin - 2000) / 4500, 0, 1.6))
+    red = 255.0 if share < 1 else 255 - 60 * (share - 1)
+    return red, min(150 + 105 * share**0.6, 250.0), min(60 + 190 * share**0.9, 255.0)

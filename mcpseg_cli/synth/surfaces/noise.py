@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 
 
-def fbm(xyz: Floats, frequency: Floats | float, seed: NDArray[np.uint32], octaves: int = 3) -> Floats:
+def fbm(
+    xyz: Floats, frequency: Floats | float, seed: NDArray[np.uint32], octaves: int = 3
+) -> Floats:
     """Sum noise of ever finer lattices, each half as strong (fractal Brownian motion).
 
     Args:
@@ -51,7 +53,10 @@ def _lattice(x: int, y: int, z: int, seed: np.uint32) -> np.float32:
 
 @njit(cache=True, nogil=True)
 def _hash_cells(
-    first: NDArray[np.int32], second: NDArray[np.int32], seed: NDArray[np.uint32], out: NDArray[np.float32]
+    first: NDArray[np.int32],
+    second: NDArray[np.int32],
+    seed: NDArray[np.uint32],
+    out: NDArray[np.float32],
 ) -> None:
     """Fill in a random number for each pair of cells."""
     for row in range(len(first)):
@@ -70,7 +75,9 @@ def _fbm(
     for row in range(len(xyz)):
         total, weight, size, cells = 0.0, 1.0, 0.0, float(frequency[row])
         for octave in range(octaves):
-            total += weight * _noise(xyz[row, 0] * cells, xyz[row, 1] * cells, xyz[row, 2] * cells, seed[row] + octave)
+            total += weight * _noise(
+                xyz[row, 0] * cells, xyz[row, 1] * cells, xyz[row, 2] * cells, seed[row] + octave
+            )
             size += weight
             weight *= 0.5
             cells *= 2.03

@@ -47,17 +47,20 @@ class Style:
         ducts: Share of rooms with open ducts and pipes where the ceiling is not suspended.
         feature_walls: Share of walls in an accent colour or pattern.
         kelvin: Colour temperature of lamps, lowest and highest.
-        daylight: How much light comes through windows, lowest and highest; 1 is as much as from the lamps.
+        daylight: How much light comes through windows, lowest and highest; 1 is as much as from the
+            lamps.
         exposure: Exposure of the camera, lowest and highest; 1 is right.
         kinds: How often each kind of room occurs.
         corridors: Shapes of the corridor network.
         required: Kinds of room that every building of eight rooms or more has.
         depth: How deep rooms are, lowest and highest, metres.
         hall_width: How wide corridors are, lowest and highest, metres.
-        lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights hang closer.
+        lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights
+            hang closer.
         lamps_off: Share of rooms whose ceiling lamps are off.
         shades: How often windows have nothing before them, slats, a roller blind and curtains.
-        white_balance: How much of the colour of the light the camera takes out, lowest and highest; 1 is all of it.
+        white_balance: How much of the colour of the light the camera takes out, lowest and highest;
+            1 is all of it.
         is_public: Whether there are signs, extinguishers, vents and sprinklers.
         hall_seed: What the floor, walls and ceiling that all corridors share are drawn from.
     """
@@ -103,9 +106,15 @@ class Style:
     hall_seed: int = 0
 
 
-def pick_colour(colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0) -> Colour:
+def pick_colour(
+    colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0
+) -> Colour:
     """Return one of the colours, varied by a normal of ``spread`` in brightness and a third of it in hue."""
-    base = np.array(colours[rng.integers(len(colours))]) + rng.normal(0, spread) + rng.normal(0, spread / 3, 3)
+    base = (
+        np.array(colours[rng.integers(len(colours))])
+        + rng.normal(0, spread)
+        + rng.normal(0, spread / 3, 3)
+    )
     red, green, blue = np.clip(base, 4, 251).tolist()
     return red, green, blue
 
@@ -118,7 +127,13 @@ def pick_wood(style: Style, rng: np.random.Generator) -> Material:
 def pick_fabric(style: Style, rng: np.random.Generator) -> Material:
     """Return an upholstery of the building."""
     pattern = style.fabric[rng.integers(len(style.fabric))]
-    return _with_accent(pattern, pick_colour(style.upholstery, rng), rng.uniform(0.5, 1.6), rng.uniform(0.02, 0.2), rng)
+    return _with_accent(
+        pattern,
+        pick_colour(style.upholstery, rng),
+        rng.uniform(0.5, 1.6),
+        rng.uniform(0.02, 0.2),
+        rng,
+    )
 
 
 def pick_metal(style: Style, rng: np.random.Generator) -> Material:
@@ -138,12 +153,16 @@ def pick_table_top(style: Style, rng: np.random.Generator) -> Material:
     return _with_accent(pattern, pick_colour(colours, rng), 0.8, rng.uniform(0.05, 0.15), rng)
 
 
-def paint(colour: Colour, rng: np.random.Generator, pattern: Pattern = "plain", scale: float = 0.1) -> Material:
+def paint(
+    colour: Colour, rng: np.random.Generator, pattern: Pattern = "plain", scale: float = 0.1
+) -> Material:
     """Return a surface of a given colour, slightly varied."""
     return _with_accent(pattern, pick_colour((colour,), rng, 6.0), 0.75, scale, rng)
 
 
-def _with_accent(pattern: Pattern, base: Colour, factor: float, scale: float, rng: np.random.Generator) -> Material:
+def _with_accent(
+    pattern: Pattern, base: Colour, factor: float, scale: float, rng: np.random.Generator
+) -> Material:
     """Make a material whose second colour is the first, darkened or lightened."""
     red, green, blue = np.clip(np.array(base) * factor, 0, 255).tolist()
     return Material(pattern, base, (red, green, blue), scale, int(rng.integers(1 << 30)))

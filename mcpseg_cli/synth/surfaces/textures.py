@@ -56,7 +56,10 @@ Shades = tuple[Floats, Floats]
 
 
 def paint_points(
-    material: Material, xyz_local: NDArray[np.float32], normals: NDArray[np.float32], rng: np.random.Generator
+    material: Material,
+    xyz_local: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    rng: np.random.Generator,
 ) -> Floats:
     """Paint points of one material.
 
@@ -117,7 +120,9 @@ def _plain(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _plaster(s: Surface, rng: np.random.Generator) -> Shades:
     blotches = fbm(s.xyz, 1.2, s.seed, 4)
-    return 0.12 * np.clip(blotches - 0.45, 0, 1), 0.97 + 0.06 * fbm(s.xyz, 25.0, s.seed + np.uint32(9), 2)
+    return 0.12 * np.clip(blotches - 0.45, 0, 1), 0.97 + 0.06 * fbm(
+        s.xyz, 25.0, s.seed + np.uint32(9), 2
+    )
 
 
 def _carpet(s: Surface, rng: np.random.Generator) -> Shades:
@@ -126,9 +131,9 @@ def _carpet(s: Surface, rng: np.random.Generator) -> Shades:
     column, _ = _cells(v, s.scale)
     tuft = rng.random(len(u), np.float32)
     worn = fbm(s.xyz, 1.5, s.seed, 3)
-    return 0.55 * tuft + 0.4 * fbm(s.xyz, 30.0, s.seed, 2), 0.94 + 0.08 * hash01(row, column, s.seed) + 0.12 * (
-        worn - 0.5
-    )
+    return 0.55 * tuft + 0.4 * fbm(s.xyz, 30.0, s.seed, 2), 0.94 + 0.08 * hash01(
+        row, column, s.seed
+    ) + 0.12 * (worn - 0.5)
 
 
 def _wood(s: Surface, rng: np.random.Generator) -> Shades:
@@ -136,12 +141,18 @@ def _wood(s: Surface, rng: np.random.Generator) -> Shades:
     plank, across = _cells(v, s.scale)
     shift = hash01(plank, np.zeros_like(plank), s.seed)
     piece, along = _cells(u + 1.4 * shift, 1.4)
-    stretched = np.column_stack([u * 1.5, v * 18, hash01(plank, piece, s.seed) * 50]).astype(np.float32)
+    stretched = np.column_stack([u * 1.5, v * 18, hash01(plank, piece, s.seed) * 50]).astype(
+        np.float32
+    )
     grain = fbm(stretched, 1.0, s.seed, 4)
     ring = 0.5 + 0.5 * np.sin(25 * grain)
-    joint = _line(across, (0.02 / np.maximum(s.scale * 8, 0.4)).astype(np.float32)) | (along < 0.004)
+    joint = _line(across, (0.02 / np.maximum(s.scale * 8, 0.4)).astype(np.float32)) | (
+        along < 0.004
+    )
     light = 0.88 + 0.24 * hash01(plank, piece, s.seed + np.uint32(3))
-    return 0.3 * ring + 0.8 * np.clip(grain - 0.35, 0, 1), np.where(joint, light * 0.75, light).astype(np.float32)
+    return 0.3 * ring + 0.8 * np.clip(grain - 0.35, 0, 1), np.where(
+        joint, light * 0.75, light
+    ).astype(np.float32)
 
 
 def _brick(s: Surface, rng: np.random.Generator) -> Shades:
@@ -150,7 +161,9 @@ def _brick(s: Surface, rng: np.random.Generator) -> Shades:
     brick, along = _cells(u + 0.115 * s.scale * (row % 2), 0.23 * s.scale)
     mortar = _line(up, 0.08) | _line(along, 0.025)
     light = 0.75 + 0.45 * hash01(brick, row, s.seed) + 0.25 * (fbm(s.xyz, 40.0, s.seed, 2) - 0.5)
-    return np.where(mortar, 0.95, 0.12).astype(np.float32), np.where(mortar, 0.9, light).astype(np.float32)
+    return np.where(mortar, 0.95, 0.12).astype(np.float32), np.where(mortar, 0.9, light).astype(
+        np.float32
+    )
 
 
 def _tiles(s: Surface, rng: np.random.Generator) -> Shades:
@@ -184,14 +197,16 @@ def _concrete(s: Surface, rng: np.random.Generator) -> Shades:
     joint = _line(along, 0.004) | _line(up, 0.004)
     stain = fbm(s.xyz, 1.6, s.seed, 5)
     pits = fbm(s.xyz, 60.0, s.seed, 1) > 0.86
-    return np.where(joint, 0.8, 1.6 * np.clip(stain - 0.4, 0, 1)).astype(np.float32), np.where(pits, 0.8, 1.0).astype(
-        np.float32
-    )
+    return np.where(joint, 0.8, 1.6 * np.clip(stain - 0.4, 0, 1)).astype(np.float32), np.where(
+        pits, 0.8, 1.0
+    ).astype(np.float32)
 
 
 def _weave(s: Surface, rng: np.random.Generator) -> Shades:
     mottle = fbm(s.xyz, 60.0, s.seed, 2)
-    return 0.3 * rng.random(len(s.xyz), np.float32) + 0.5 * mottle, 0.9 + 0.2 * fbm(s.xyz, 6.0, s.seed, 2)
+    return 0.3 * rng.random(len(s.xyz), np.float32) + 0.5 * mottle, 0.9 + 0.2 * fbm(
+        s.xyz, 6.0, s.seed, 2
+    )
 
 
 def _stripes(s: Surface, rng: np.random.Generator) -> Shades:
@@ -221,9 +236,14 @@ def _leather(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _metal(s: Surface, rng: np.random.Generator) -> Shades:
     u, v = s.plane(along_grain=True)
-    brushed = fbm(np.column_stack([u * 2, v * 90, np.zeros_like(u)]).astype(np.float32), 1.0, s.seed, 2)
+    brushed = fbm(
+        np.column_stack([u * 2, v * 90, np.zeros_like(u)]).astype(np.float32), 1.0, s.seed, 2
+    )
     reflection = fbm(
-        np.column_stack([u * 3, v * 3, s.normals[:, 2] * 2]).astype(np.float32), 1.0, s.seed + np.uint32(4), 2
+        np.column_stack([u * 3, v * 3, s.normals[:, 2] * 2]).astype(np.float32),
+        1.0,
+        s.seed + np.uint32(4),
+        2,
     )
     return 0.5 * brushed, 0.65 + 0.7 * reflection
 
@@ -234,7 +254,9 @@ def _glass(s: Surface, rng: np.random.Generator) -> Shades:
     height = np.clip((s.xyz[:, 2] - 0.6) / 1.6, 0, 1)
     streak = fbm(s.xyz * np.array([1, 1, 0.15], np.float32), 3.0, s.seed + np.uint32(2), 2)
     share = 0.9 * height + 1.2 * (outside - 0.5)
-    return np.clip(share, 0, 1), (0.7 + 0.3 * height + 0.3 * (outside - 0.5) + 0.2 * (streak - 0.5)).astype(np.float32)
+    return np.clip(share, 0, 1), (
+        0.7 + 0.3 * height + 0.3 * (outside - 0.5) + 0.2 * (streak - 0.5)
+    ).astype(np.float32)
 
 
 def _screen(s: Surface, rng: np.random.Generator) -> Shades:
@@ -254,7 +276,9 @@ def _screen(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _foliage(s: Surface, rng: np.random.Generator) -> Shades:
     leaf = fbm(s.xyz, 18.0, s.seed, 2)
-    return np.clip((leaf - 0.3) * 2, 0, 1), (0.65 + 0.7 * rng.random(len(leaf), np.float32)).astype(np.float32)
+    return np.clip((leaf - 0.3) * 2, 0, 1), (0.65 + 0.7 * rng.random(len(leaf), np.float32)).astype(
+        np.float32
+    )
 
 
 def _paper(s: Surface, rng: np.random.Generator) -> Shades:
@@ -269,7 +293,9 @@ def _whiteboard(s: Surface, rng: np.random.Generator) -> Shades:
     written = fbm(s.xyz, 2.5, s.seed + np.uint32(1), 1) > 0.55
     stroke = np.abs(fbm(s.xyz, 16.0, s.seed, 2) - 0.5) < 0.025
     smear = np.clip(fbm(s.xyz, 3.0, s.seed + np.uint32(2), 3) - 0.55, 0, 1)
-    return np.where(written & stroke, 0.6, 0.5 * smear).astype(np.float32), 0.97 + 0.06 * fbm(s.xyz, 0.7, s.seed, 2)
+    return np.where(written & stroke, 0.6, 0.5 * smear).astype(np.float32), 0.97 + 0.06 * fbm(
+        s.xyz, 0.7, s.seed, 2
+    )
 
 
 def _chalkboard(s: Surface, rng: np.random.Generator) -> Shades:
@@ -278,7 +304,9 @@ def _chalkboard(s: Surface, rng: np.random.Generator) -> Shades:
 
 
 def _cardboard(s: Surface, rng: np.random.Generator) -> Shades:
-    centred = Surface(s.xyz - s.middle, s.normals, s.base, s.accent, s.scale, s.seed, s.grain, s.middle)
+    centred = Surface(
+        s.xyz - s.middle, s.normals, s.base, s.accent, s.scale, s.seed, s.grain, s.middle
+    )
     _, v = centred.plane(along_grain=True)
     tape = (np.abs(v) < 0.025) & (np.abs(s.normals[:, 2]) > 0.5)
     print_ = (fbm(s.xyz, 9.0, s.seed, 1) > 0.72) & (np.abs(s.normals[:, 2]) < 0.5)
@@ -304,14 +332,33 @@ def _books(s: Surface) -> Shades:
     _, up = _cells(v, 0.11)
     title = (up > 0.55) & (up < 0.75) & (hash01(book, row + 5, s.seed) > 0.4)
     gap = _line(along, 0.06)
-    light = np.where(gap, 0.5, np.where(title, 1.5, 1.0)) * (0.8 + 0.4 * hash01(book, row + 6, s.seed))
+    light = np.where(gap, 0.5, np.where(title, 1.5, 1.0)) * (
+        0.8 + 0.4 * hash01(book, row + 6, s.seed)
+    )
     return colour.astype(np.float32), light.astype(np.float32)
 
 
 _PAINTERS: dict[Pattern, Callable[[Surface, np.random.Generator], Shades]] = {
-    "plain": _plain, "carpet": _carpet, "wood": _wood, "brick": _brick, "plaster": _plaster, "tiles": _tiles,
-    "acoustic": _acoustic, "concrete": _concrete, "weave": _weave, "stripes": _stripes, "checks": _checks,
-        "print": _print,
-    "leather": _leather, "metal": _metal, "glass": _glass, "screen": _screen, "foliage": _foliage, "paper": _paper,
-    "whiteboard": _whiteboard, "chalkboard": _chalkboard, "cardboard": _cardboard, "marble": _marble,
-}  # fmt: skip
+    "plain": _plain,
+    "carpet": _carpet,
+    "wood": _wood,
+    "brick": _brick,
+    "plaster": _plaster,
+    "tiles": _tiles,
+    "acoustic": _acoustic,
+    "concrete": _concrete,
+    "weave": _weave,
+    "stripes": _stripes,
+    "checks": _checks,
+    "print": _print,
+    "leather": _leather,
+    "metal": _metal,
+    "glass": _glass,
+    "screen": _screen,
+    "foliage": _foliage,
+    "paper": _paper,
+    "whiteboard": _whiteboard,
+    "chalkboard": _chalkboard,
+    "cardboard": _cardboard,
+    "marble": _marble,
+}

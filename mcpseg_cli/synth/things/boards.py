@@ -41,7 +41,10 @@ def _panel(face: Material, rim: Material, size: tuple[float, float], thick: floa
             (width, thick + 0.006, height - 0.02),
         ],
     )
-    return [solid(face, boxes((0.01, 0, 0.01), (width - 0.01, thick, height - 0.01))), solid(rim, bars)]
+    return [
+        solid(face, boxes((0.01, 0, 0.01), (width - 0.01, thick, height - 0.01))),
+        solid(rim, bars),
+    ]
 
 
 def _whiteboard(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -56,14 +59,21 @@ def _whiteboard(style: Style, rng: np.random.Generator) -> list[Part]:
             solid(
                 rim,
                 boxes(
-                    [(low, 0, -0.012), (low, 0.07, -0.012)], [(low + length, 0.075, 0.0), (low + length, 0.075, 0.008)]
+                    [(low, 0, -0.012), (low, 0.07, -0.012)],
+                    [(low + length, 0.075, 0.0), (low + length, 0.075, 0.008)],
                 ),
             )
         )
         spots = low + rng.uniform(0.02, max(length - 0.2, 0.03), int(rng.integers(1, 5)))
         pens = [shifted(boxes((0, 0.03, 0), (0.13, 0.045, 0.015)), float(x)) for x in spots]
         eraser = boxes((low + 0.02, 0.02, 0), (low + 0.15, 0.065, 0.04))
-        parts.append(solid(paint(((30, 30, 34), (180, 40, 40), (40, 70, 160))[rng.integers(3)], rng), *pens, eraser))
+        parts.append(
+            solid(
+                paint(((30, 30, 34), (180, 40, 40), (40, 70, 160))[rng.integers(3)], rng),
+                *pens,
+                eraser,
+            )
+        )
     return parts
 
 
@@ -105,7 +115,11 @@ def _screen(style: Style, rng: np.random.Generator) -> list[Part]:
     bar = boxes((0.03, 0.035, -0.03), (width - 0.03, 0.06, 0))
     sheet = boxes((0.05, 0.045, 0), (width - 0.05, 0.048, drop))
     plate = paint((230, 230, 226), rng)
-    return [solid(paint((242, 242, 240), rng), sheet), solid(plate, case), solid(paint((50, 50, 52), rng), bar)]
+    return [
+        solid(paint((242, 242, 240), rng), sheet),
+        solid(plate, case),
+        solid(paint((50, 50, 52), rng), bar),
+    ]
 
 
 def _flip_chart(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -131,12 +145,17 @@ def _mobile(style: Style, rng: np.random.Generator) -> list[Part]:
     rim = pick_metal(style, rng)
     parts = [
         part.moved(x=-width / 2, y=-0.012, z=0.75)
-        for part in _panel(paint((238, 240, 240), rng, "whiteboard", 0.4), rim, (width, height), 0.02)
+        for part in _panel(
+            paint((238, 240, 240), rng, "whiteboard", 0.4), rim, (width, height), 0.02
+        )
     ]
     for x in (-width / 2 - 0.03, width / 2 + 0.03):
         parts.append(solid(rim, boxes((x - 0.02, -0.02, 0.05), (x + 0.02, 0.02, 0.8 + height))))
         parts.append(solid(rim, boxes((x - 0.025, -0.28, 0.05), (x + 0.025, 0.28, 0.09))))
-        wheels = [shifted(tilted(rod(0.03, -0.012, 0.012, sides=8), np.pi / 2), x, y, 0.03) for y in (-0.25, 0.25)]
+        wheels = [
+            shifted(tilted(rod(0.03, -0.012, 0.012, sides=8), np.pi / 2), x, y, 0.03)
+            for y in (-0.25, 0.25)
+        ]
         parts.append(solid(paint((40, 40, 42), rng), *wheels))
     return parts
 

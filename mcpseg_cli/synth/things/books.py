@@ -12,16 +12,26 @@ from mcpseg_cli.synth.surfaces.materials import Colour, Material
 from mcpseg_cli.synth.surfaces.styles import paint
 
 _COVERS: tuple[Colour, ...] = (
-    (140, 40, 38), (38, 62, 110), (44, 90, 60), (222, 214, 198), (60, 58, 60), (196, 150, 60), (88, 50, 92), (120,
-    140, 150),
-    (235, 235, 232), (150, 90, 50), (30, 110, 130), (180, 180, 178),
-)  # fmt: skip
+    (140, 40, 38),
+    (38, 62, 110),
+    (44, 90, 60),
+    (222, 214, 198),
+    (60, 58, 60),
+    (196, 150, 60),
+    (88, 50, 92),
+    (120, 140, 150),
+    (235, 235, 232),
+    (150, 90, 50),
+    (30, 110, 130),
+    (180, 180, 178),
+)
 
 
 def book_row(width: float, depth: float, height: float, rng: np.random.Generator) -> list[Part]:
     """Fill a shelf with books from x = 0 and its rear at y = 0 up to a width, a depth and a height.
 
-    Books stand side by side in a few colours, uneven in height and depth, with gaps; the last ones may lean.
+    Books stand side by side in a few colours, uneven in height and depth, with gaps; the last ones
+    may lean.
 
     Args:
         width: Free width, metres.
@@ -34,15 +44,23 @@ def book_row(width: float, depth: float, height: float, rng: np.random.Generator
     """
     binders = rng.random() < 0.25
     thick = rng.uniform(0.045, 0.08, 64) if binders else rng.uniform(0.012, 0.055, 64)
-    tall = np.full(64, 0.31) if binders else np.clip(rng.normal(rng.uniform(0.2, 0.28), 0.025, 64), 0.15, 0.34)
-    deep = np.clip(rng.normal(0.27 if binders else 0.18, 0.0 if binders else 0.025, 64), 0.1, depth - 0.01)
+    tall = (
+        np.full(64, 0.31)
+        if binders
+        else np.clip(rng.normal(rng.uniform(0.2, 0.28), 0.025, 64), 0.15, 0.34)
+    )
+    deep = np.clip(
+        rng.normal(0.27 if binders else 0.18, 0.0 if binders else 0.025, 64), 0.1, depth - 0.01
+    )
     tall = np.minimum(tall, height - 0.015)
     ends = np.cumsum(thick)
     starts = ends - thick
     count = int(np.searchsorted(ends, width))
     if count == 0 or height < 0.1:
         return []
-    front = depth - rng.uniform(0.005, max(depth - 0.28, 0.01)) - np.abs(rng.normal(0, 0.008, count))
+    front = (
+        depth - rng.uniform(0.005, max(depth - 0.28, 0.01)) - np.abs(rng.normal(0, 0.008, count))
+    )
     front = np.maximum(front, deep[:count] + 0.003)
     lows = np.column_stack([starts[:count], front - deep[:count], np.zeros(count)])
     highs = np.column_stack([ends[:count] - 0.001, front, tall[:count]])
@@ -57,7 +75,13 @@ def leaning_books(height: float, rng: np.random.Generator) -> tuple[Triangles, f
     starts = np.cumsum(thick) - thick
     books = boxes(
         np.column_stack([starts, np.full(count, 0.02), np.zeros(count)]),
-        np.column_stack([starts + thick - 0.001, rng.uniform(0.16, 0.22, count), tall * rng.uniform(0.9, 1, count)]),
+        np.column_stack(
+            [
+                starts + thick - 0.001,
+                rng.uniform(0.16, 0.22, count),
+                tall * rng.uniform(0.9, 1, count),
+            ]
+        ),
     )
     leaned = lean(books, -angle)
     low = leaned.min(axis=(0, 1))
@@ -82,7 +106,11 @@ def _in_colours(books: Triangles, binders: bool, rng: np.random.Generator) -> li
     """Group books, (N, 12, 3, 3), into a few colours; a part is a run of neighbours."""
     runs = min(len(books), 1 + int(rng.integers(1, 3)) if binders else 1 + len(books) // 7)
     cuts = np.linspace(0, len(books), runs + 1).astype(int)
-    return [solid(_cover(rng), books[a:b].reshape(-1, 3, 3)) for a, b in itertools.pairwise(cuts) if b > a]
+    return [
+        solid(_cover(rng), books[a:b].reshape(-1, 3, 3))
+        for a, b in itertools.pairwise(cuts)
+        if b > a
+    ]
 
 
 def _cover(rng: np.random.Generator) -> Material:

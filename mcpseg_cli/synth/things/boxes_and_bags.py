@@ -11,9 +11,15 @@ from mcpseg_cli.synth.surfaces.styles import Style, paint
 from mcpseg_cli.synth.things.books import book_stack
 
 _BRIGHT: tuple[Colour, ...] = (
-    (180, 50, 45), (40, 80, 150), (60, 120, 70), (220, 180, 60), (40, 40, 44), (230, 230, 228), (120, 120, 124),
+    (180, 50, 45),
+    (40, 80, 150),
+    (60, 120, 70),
+    (220, 180, 60),
+    (40, 40, 44),
+    (230, 230, 228),
+    (120, 120, 124),
     (150, 80, 130),
-)  # fmt: skip
+)
 
 
 def bright(rng: np.random.Generator) -> Colour:
@@ -21,7 +27,9 @@ def bright(rng: np.random.Generator) -> Colour:
     return _BRIGHT[rng.integers(len(_BRIGHT))]
 
 
-def carton_parts(rng: np.random.Generator, most: tuple[float, float, float] = (0.6, 0.45, 0.5)) -> list[Part]:
+def carton_parts(
+    rng: np.random.Generator, most: tuple[float, float, float] = (0.6, 0.45, 0.5)
+) -> list[Part]:
     """Make a cardboard or plastic box about the origin on z = 0, at most so large; open at times."""
     width, depth, height = (rng.uniform(0.45, 1.0, 3) * most).tolist()
     w, d = width / 2, depth / 2
@@ -32,7 +40,10 @@ def carton_parts(rng: np.random.Generator, most: tuple[float, float, float] = (0
         material = paint(bright(rng), rng)
     if rng.random() < 0.65 or min(width, depth) < 0.15:
         tape = boxes((-w, -0.025, height), (w, 0.025, height + 0.001))
-        return [solid(material, boxes((-w, -d, 0), (w, d, height))), solid(paint((196, 170, 120), rng), tape)]
+        return [
+            solid(material, boxes((-w, -d, 0), (w, d, height))),
+            solid(paint((196, 170, 120), rng), tape),
+        ]
     rim = height * rng.uniform(0.7, 0.85)
     walls = boxes(
         [(-w, -d, 0), (-w, -d, 0), (w - 0.006, -d, 0), (-w, -d, 0), (-w, d - 0.006, 0)],
@@ -44,7 +55,9 @@ def carton_parts(rng: np.random.Generator, most: tuple[float, float, float] = (0
         quad((-w, -d, rim), (width, 0, 0), (0, float(-out[0]) * 0, flap)),
         quad((-w, d, rim), (width, 0, 0), (0, float(-out[1]), flap)),
     ]
-    inside = boxes((-w + 0.02, -d + 0.02, 0.006), (w - 0.02, d - 0.02, rim * rng.uniform(0.3, 0.85)))
+    inside = boxes(
+        (-w + 0.02, -d + 0.02, 0.006), (w - 0.02, d - 0.02, rim * rng.uniform(0.3, 0.85))
+    )
     return [solid(material, walls, *flaps), solid(paint(bright(rng), rng, "print", 0.1), inside)]
 
 
@@ -59,7 +72,10 @@ def small_carton(style: Style, rng: np.random.Generator) -> list[Part]:
     parts = carton_parts(rng, size)
     if rng.random() < 0.3:
         top = max(float(part.high[2]) for part in parts)
-        low = solid(paint((180, 146, 104), rng, "cardboard", 0.2), boxes((-0.1, -0.09, 0), (0.1, 0.09, 0.12)))
+        low = solid(
+            paint((180, 146, 104), rng, "cardboard", 0.2),
+            boxes((-0.1, -0.09, 0), (0.1, 0.09, 0.12)),
+        )
         parts = [low.moved(z=top), *parts] if len(parts[0].triangles) == 12 else parts
     return parts
 
@@ -69,9 +85,13 @@ def carton_pile(style: Style, rng: np.random.Generator) -> list[Part]:
     level, parts, size = 0.0, [], np.array([0.6, 0.45, 0.45])
     for _ in range(int(rng.integers(2, 5))):
         low = size * rng.uniform(0.7, 1.0, 3)
-        material = paint((178, 142, 98) if rng.random() < 0.7 else (222, 220, 214), rng, "cardboard", 0.2)
+        material = paint(
+            (178, 142, 98) if rng.random() < 0.7 else (222, 220, 214), rng, "cardboard", 0.2
+        )
         body = boxes((-low[0] / 2, -low[1] / 2, 0), (low[0] / 2, low[1] / 2, low[2]))
-        tape = boxes((-low[0] / 2 - 0.001, -0.025, low[2] * 0.8), (low[0] / 2 + 0.001, 0.025, low[2] + 0.001))
+        tape = boxes(
+            (-low[0] / 2 - 0.001, -0.025, low[2] * 0.8), (low[0] / 2 + 0.001, 0.025, low[2] + 0.001)
+        )
         shift, angle = rng.normal(0, 0.02, 2), rng.normal(0, 0.06)
         layer = (solid(material, body), solid(paint((200, 175, 125), rng), tape))
         parts += [part.moved(float(shift[0]), float(shift[1]), level, angle) for part in layer]
@@ -95,7 +115,12 @@ def mug(style: Style, rng: np.random.Generator) -> list[Part]:
     body = lathe(profile, 12)
     handle = pipe(
         bend(
-            [(radius, 0, height * 0.8), (radius + 0.03, 0, height * 0.8), (radius + 0.03, 0, 0.02), (radius, 0, 0.02)],
+            [
+                (radius, 0, height * 0.8),
+                (radius + 0.03, 0, height * 0.8),
+                (radius + 0.03, 0, 0.02),
+                (radius, 0, 0.02),
+            ],
             0.02,
         ),
         0.005,
@@ -108,10 +133,19 @@ def bottle(style: Style, rng: np.random.Generator) -> list[Part]:
     """Bottle."""
     radius, height = rng.uniform(0.03, 0.045), rng.uniform(0.2, 0.33)
     neck = height * rng.uniform(0.6, 0.75)
-    profile = [(0, 0), (radius, 0.004), (radius, neck), (0.014, neck + 0.07), (0.014, height), (0, height)]
+    profile = [
+        (0, 0),
+        (radius, 0.004),
+        (radius, neck),
+        (0.014, neck + 0.07),
+        (0.014, height),
+        (0, height),
+    ]
     return [
         solid(
-            paint(((40, 90, 60), (120, 160, 190), (70, 40, 25), (220, 225, 228))[rng.integers(4)], rng),
+            paint(
+                ((40, 90, 60), (120, 160, 190), (70, 40, 25), (220, 225, 228))[rng.integers(4)], rng
+            ),
             lathe(profile, 10),
         )
     ]
@@ -124,7 +158,9 @@ def vase(style: Style, rng: np.random.Generator) -> list[Part]:
     radius = rng.uniform(0.04, 0.07) * (
         1 + rng.uniform(-0.35, 0.5) * np.sin(np.pi * z / height * rng.uniform(0.6, 1.4))
     )
-    profile = np.column_stack([np.concatenate([[0], radius, [0]]), np.concatenate([[0], z, [height * 0.9]])])
+    profile = np.column_stack(
+        [np.concatenate([[0], radius, [0]]), np.concatenate([[0], z, [height * 0.9]])]
+    )
     return [solid(paint(bright(rng), rng), lathe(profile, 14))]
 
 
@@ -154,9 +190,16 @@ def tray(style: Style, rng: np.random.Generator) -> list[Part]:
     for row in range(trays):
         z = row * 0.065
         lows += [(-0.12, -0.16, z), (-0.12, -0.16, z), (0.116, -0.16, z), (-0.12, -0.16, z)]
-        highs += [(0.12, 0.16, z + 0.004), (-0.116, 0.16, z + 0.06), (0.12, 0.16, z + 0.06), (0.12, -0.156, z + 0.06)]
+        highs += [
+            (0.12, 0.16, z + 0.004),
+            (-0.116, 0.16, z + 0.06),
+            (0.12, 0.16, z + 0.06),
+            (0.12, -0.156, z + 0.06),
+        ]
     sheets = [(row * 0.065 + 0.004, rng.uniform(0.005, 0.05)) for row in range(trays)]
-    paper = boxes([(-0.105, -0.15, z) for z, _ in sheets], [(0.105, 0.15, z + high) for z, high in sheets])
+    paper = boxes(
+        [(-0.105, -0.15, z) for z, _ in sheets], [(0.105, 0.15, z + high) for z, high in sheets]
+    )
     return [solid(material, boxes(lows, highs)), solid(white, paper)]
 
 
@@ -166,9 +209,13 @@ def paper_stack(style: Style, rng: np.random.Generator) -> list[Part]:
     for _ in range(int(rng.integers(1, 4))):
         thick = rng.uniform(0.003, 0.03)
         white = rng.random() < 0.7
-        material = paint((238, 237, 232) if white else bright(rng), rng, "paper" if white else "plain", 0.2)
+        material = paint(
+            (238, 237, 232) if white else bright(rng), rng, "paper" if white else "plain", 0.2
+        )
         sheet = turned(boxes((-0.105, -0.1485, 0), (0.105, 0.1485, thick)), rng.normal(0, 0.25))
-        parts.append(solid(material, shifted(sheet, rng.normal(0, 0.02), rng.normal(0, 0.02), level)))
+        parts.append(
+            solid(material, shifted(sheet, rng.normal(0, 0.02), rng.normal(0, 0.02), level))
+        )
         level += thick
     return parts
 
@@ -185,9 +232,12 @@ def backpack(style: Style, rng: np.random.Generator) -> list[Part]:
     body[..., 0] += 0.012 * np.sin(body[..., 2] * 14)
     pocket = cushion((-0.12, 0.05, 0.03), (0.12, 0.16, 0.24), 0.4, 0.4)
     straps = [
-        pipe(bend([(x, -0.1, 0.42), (x * 1.4, -0.14, 0.25), (x, -0.1, 0.06)], 0.1), 0.014, 4) for x in (-0.08, 0.08)
+        pipe(bend([(x, -0.1, 0.42), (x * 1.4, -0.14, 0.25), (x, -0.1, 0.06)], 0.1), 0.014, 4)
+        for x in (-0.08, 0.08)
     ]
-    handle = pipe(bend([(-0.04, -0.03, 0.44), (0, -0.03, 0.5), (0.04, -0.03, 0.44)], 0.04), 0.008, 4)
+    handle = pipe(
+        bend([(-0.04, -0.03, 0.44), (0, -0.03, 0.5), (0.04, -0.03, 0.44)], 0.04), 0.008, 4
+    )
     angle = -rng.uniform(0.0, 0.25)
     return [
         solid(material, tilted(np.concatenate([body, pocket]), -angle)),
@@ -203,13 +253,26 @@ def bag(style: Style, rng: np.random.Generator) -> list[Part]:
     body[..., 2] *= 1 + 0.08 * np.sin(body[..., 0] * 20)
     loops = [
         pipe(
-            bend([(-width / 4, y, height * 0.9), (0, y * 2, height + 0.16), (width / 4, y, height * 0.9)], 0.1),
+            bend(
+                [
+                    (-width / 4, y, height * 0.9),
+                    (0, y * 2, height + 0.16),
+                    (width / 4, y, height * 0.9),
+                ],
+                0.1,
+            ),
             0.008,
             4,
         )
         for y in (-0.02, 0.02)
     ]
-    return [solid(paint(bright(rng), rng, "leather" if rng.random() < 0.4 else "weave", 0.03), body, *loops)]
+    return [
+        solid(
+            paint(bright(rng), rng, "leather" if rng.random() < 0.4 else "weave", 0.03),
+            body,
+            *loops,
+        )
+    ]
 
 
 def suitcase(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -222,17 +285,31 @@ def suitcase(style: Style, rng: np.random.Generator) -> list[Part]:
         [(x + 0.015, depth + 0.006, height - 0.06) for x in np.linspace(-0.35, 0.3, 5) * width],
     )
     wheels = [
-        shifted(tilted(rod(0.025, -0.015, 0.015, sides=8), np.pi / 2), x * (width / 2 - 0.05), y, 0.025)
+        shifted(
+            tilted(rod(0.025, -0.015, 0.015, sides=8), np.pi / 2), x * (width / 2 - 0.05), y, 0.025
+        )
         for x in (-1, 1)
         for y in (0.05, depth - 0.05)
     ]
     up = height + rng.choice([0.03, 0.3, 0.4])
     handle = pipe(
-        bend([(-0.09, 0.03, height - 0.05), (-0.09, 0.03, up), (0.09, 0.03, up), (0.09, 0.03, height - 0.05)], 0.03),
+        bend(
+            [
+                (-0.09, 0.03, height - 0.05),
+                (-0.09, 0.03, up),
+                (0.09, 0.03, up),
+                (0.09, 0.03, height - 0.05),
+            ],
+            0.03,
+        ),
         0.009,
         5,
     )
-    return [solid(material, body, ribs), solid(metal, handle), solid(paint((40, 40, 42), rng), *wheels)]
+    return [
+        solid(material, body, ribs),
+        solid(metal, handle),
+        solid(paint((40, 40, 42), rng), *wheels),
+    ]
 
 
 def umbrella_stand(style: Style, rng: np.random.Generator) -> list[Part]:

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from mcpseg_cli.synth.geometry.shapes import Points, bend, boxes, cushion, lathe, pipe, rod, shell, slanted, solid
+from mcpseg_cli.synth.geometry.shapes import (
+    Points,
+    bend,
+    boxes,
+    cushion,
+    lathe,
+    pipe,
+    rod,
+    shell,
+    slanted,
+    solid,
+)
 from mcpseg_cli.synth.geometry.solids import Part, shifted, tilted, turned
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import paint
 
 
-def back_grid(width: float, height: float, rng: np.random.Generator, *, curve: float, taper: float = 0.1) -> Points:
+def back_grid(
+    width: float, height: float, rng: np.random.Generator, *, curve: float, taper: float = 0.1
+) -> Points:
     """Return a (11, 7, 3) grid of a curved backrest, from z = 0 up, its middle at y = 0: hollow across."""
     rows = (1 - np.cos(np.linspace(0, np.pi, 11))) / 2  # close together where the outline bends
     up, across = np.meshgrid(rows, np.linspace(-1, 1, 7), indexing="ij")
@@ -24,20 +37,28 @@ def back_grid(width: float, height: float, rng: np.random.Generator, *, curve: f
     return np.stack([x, y, up * height], axis=-1)
 
 
-def backrest(material: Material, grid: Points, thickness: float, *, y: float, z: float, lean: float) -> Part:
+def backrest(
+    material: Material, grid: Points, thickness: float, *, y: float, z: float, lean: float
+) -> Part:
     """Make a backrest of a grid, leaning back about its lower edge."""
     return solid(material, shifted(tilted(shell(grid[:, ::-1], thickness), lean), 0, y, z))
 
 
-def seat_cushion(material: Material, width: float, depth: float, thickness: float, *, y: float, z: float) -> Part:
+def seat_cushion(
+    material: Material, width: float, depth: float, thickness: float, *, y: float, z: float
+) -> Part:
     """Make a seat cushion under z whose front edge rolls down."""
     grid = cushion((-width / 2, y, z - thickness), (width / 2, y + depth, z), 0.4, 0.5)
     front = np.clip((grid[..., 1] - y) / depth, 0, 1)
-    grid[..., 2] -= 0.03 * front**6 + 0.012 * (1 - (2 * grid[..., 0] / width) ** 2) * (grid[..., 2] > z - thickness / 2)
+    grid[..., 2] -= 0.03 * front**6 + 0.012 * (1 - (2 * grid[..., 0] / width) ** 2) * (
+        grid[..., 2] > z - thickness / 2
+    )
     return solid(material, grid)
 
 
-def star_base(material: Material, radius: float, rng: np.random.Generator, legs: int = 5) -> list[Part]:
+def star_base(
+    material: Material, radius: float, rng: np.random.Generator, legs: int = 5
+) -> list[Part]:
     """Make a star base about the z axis with castors, and the column up from it."""
     castor_z, spokes, castors = 0.028, [], []
     rubber = paint((35, 35, 38), rng)
@@ -59,7 +80,14 @@ def star_base(material: Material, radius: float, rng: np.random.Generator, legs:
 def gas_column(height: float, rng: np.random.Generator) -> Part:
     """Make a gas column with its bellows up to the seat."""
     dark = paint((50, 50, 54), rng, "metal")
-    profile = [(0, 0.06), (0.034, 0.06), (0.034, 0.12), (0.026, 0.13), (0.026, height * 0.62), (0.015, height * 0.63)]
+    profile = [
+        (0, 0.06),
+        (0.034, 0.06),
+        (0.034, 0.12),
+        (0.026, 0.13),
+        (0.026, height * 0.62),
+        (0.015, height * 0.63),
+    ]
     plate = boxes([(-0.09, -0.12, height - 0.03)], [(0.09, 0.1, height)])
     return solid(dark, lathe([*profile, (0.015, height)], 9), plate)
 
@@ -75,20 +103,42 @@ def armrests(
         x = sign * (width / 2 + 0.035)
         top = seat + rise
         if loop:
-            corners = [(x * 0.7, y, seat - 0.04), (x, y, seat), (x, y - 0.02, top), (x, y + depth, top)]
-            path = bend([*corners, (x, y + depth - 0.02, seat), (x * 0.7, y + depth, seat - 0.04)], 0.07)
+            corners = [
+                (x * 0.7, y, seat - 0.04),
+                (x, y, seat),
+                (x, y - 0.02, top),
+                (x, y + depth, top),
+            ]
+            path = bend(
+                [*corners, (x, y + depth - 0.02, seat), (x * 0.7, y + depth, seat - 0.04)], 0.07
+            )
             parts.append(solid(pad, pipe(path, 0.018, 6)))
             continue
         post = pipe(
-            bend([(sign * 0.1, y + 0.1, seat - 0.07), (x, y + 0.1, seat - 0.06), (x, y + 0.1, top)], 0.05), 0.017
+            bend(
+                [(sign * 0.1, y + 0.1, seat - 0.07), (x, y + 0.1, seat - 0.06), (x, y + 0.1, top)],
+                0.05,
+            ),
+            0.017,
         )
         parts.append(solid(frame, post))
-        parts.append(solid(pad, cushion((x - 0.04, y - 0.02, top - 0.01), (x + 0.04, y + depth, top + 0.025))))
+        parts.append(
+            solid(
+                pad, cushion((x - 0.04, y - 0.02, top - 0.01), (x + 0.04, y + depth, top + 0.025))
+            )
+        )
     return parts
 
 
 def four_legs(
-    width: float, depth: float, seat: float, splay: float, thick: float, material: Material, *, rear: float = 0.0
+    width: float,
+    depth: float,
+    seat: float,
+    splay: float,
+    thick: float,
+    material: Material,
+    *,
+    rear: float = 0.0,
 ) -> list[Part]:
     """Make four legs under a seat; those at the back go up to ``rear`` beyond it."""
     parts = []
@@ -104,7 +154,9 @@ def four_legs(
     return parts
 
 
-def shell_seat(material: Material, width: float, seat: float, rng: np.random.Generator) -> list[Part]:
+def shell_seat(
+    material: Material, width: float, seat: float, rng: np.random.Generator
+) -> list[Part]:
     """Make a seat and back of bent plastic or plywood, centred, the seat's front at +y."""
     depth, height, thin = rng.uniform(0.4, 0.44), rng.uniform(0.32, 0.42), rng.uniform(0.008, 0.016)
     along, across = np.meshgrid(np.linspace(0, 1, 8), np.linspace(-1, 1, 7), indexing="ij")
@@ -113,12 +165,20 @@ def shell_seat(material: Material, width: float, seat: float, rng: np.random.Gen
         [
             across * width / 2 * (0.9 + 0.1 * along) * (1 - 0.14 * np.abs(2 * along - 1) ** 5),
             (along - 0.5) * depth,
-            seat - thin + dish * across**2 * (1 - along) - 0.03 * along**5 + 0.02 * (1 - along) ** 3,
+            seat
+            - thin
+            + dish * across**2 * (1 - along)
+            - 0.03 * along**5
+            + 0.02 * (1 - along) ** 3,
         ],
         axis=-1,
     )
-    low = 0.012 if rng.random() < 0.5 else rng.uniform(0.08, 0.16)  # one piece, or a gap over the seat
-    grid = back_grid(width * 0.95, height, rng, curve=rng.uniform(0.03, 0.08), taper=rng.uniform(0, 0.25))
+    low = (
+        0.012 if rng.random() < 0.5 else rng.uniform(0.08, 0.16)
+    )  # one piece, or a gap over the seat
+    grid = back_grid(
+        width * 0.95, height, rng, curve=rng.uniform(0.03, 0.08), taper=rng.uniform(0, 0.25)
+    )
     tip = rng.uniform(0.1, 0.3)
     back = backrest(material, grid, thin, y=-depth / 2 - 0.01, z=seat + low, lean=tip)
     parts = [solid(material, shell(bottom[:, ::-1], thin)), back]

@@ -17,7 +17,14 @@ from mcpseg_cli.synth.geometry.shapes import (
     stand,
 )
 from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
-from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_fabric, pick_metal, pick_plastic, pick_wood
+from mcpseg_cli.synth.surfaces.styles import (
+    Style,
+    paint,
+    pick_fabric,
+    pick_metal,
+    pick_plastic,
+    pick_wood,
+)
 from mcpseg_cli.synth.things.boxes_and_bags import bright
 from mcpseg_cli.synth.things.chair_parts import (
     armrests,
@@ -61,11 +68,24 @@ def _task(style: Style, rng: np.random.Generator) -> list[Part]:
     parts.append(seat_cushion(fabric, width, depth, rng.uniform(0.06, 0.09), y=-depth / 2, z=seat))
     lean, rear, start = rng.uniform(0.05, 0.28), -depth / 2 - 0.04, seat + rng.uniform(0.03, 0.14)
     grid = back_grid(
-        width * rng.uniform(0.85, 1.0), height, rng, curve=rng.uniform(0.03, 0.09), taper=rng.uniform(0, 0.3)
+        width * rng.uniform(0.85, 1.0),
+        height,
+        rng,
+        curve=rng.uniform(0.03, 0.09),
+        taper=rng.uniform(0, 0.3),
     )
-    parts.append(backrest(fabric, grid, 0.018 if mesh else rng.uniform(0.04, 0.07), y=rear, z=start, lean=lean))
+    parts.append(
+        backrest(
+            fabric, grid, 0.018 if mesh else rng.uniform(0.04, 0.07), y=rear, z=start, lean=lean
+        )
+    )
     spine = bend(
-        [(0, 0, seat - 0.06), (0, rear - 0.05, seat - 0.04), (0, rear - 0.06 - 0.1 * lean, start + 0.22)], 0.08
+        [
+            (0, 0, seat - 0.06),
+            (0, rear - 0.05, seat - 0.04),
+            (0, rear - 0.06 - 0.1 * lean, start + 0.22),
+        ],
+        0.08,
     )
     parts.append(solid(shell_colour, pipe(spine, 0.028, 6)))
     if rng.random() < 0.65:
@@ -77,15 +97,23 @@ def _task(style: Style, rng: np.random.Generator) -> list[Part]:
         rest = cushion((-0.14, -0.03, -0.07), (0.14, 0.04, 0.08))
         parts.append(solid(fabric, shifted(rest, 0, rear - 0.1 - np.tan(lean) * height, top)))
         parts.append(
-            solid(shell_colour, rod(0.015, start + height - 0.12, top, 0, rear - 0.12 - np.tan(lean) * height))
+            solid(
+                shell_colour,
+                rod(0.015, start + height - 0.12, top, 0, rear - 0.12 - np.tan(lean) * height),
+            )
         )
     return parts
 
 
-def _jacket(width: float, height: float, rng: np.random.Generator, *, y: float, z: float, lean: float) -> Part:
+def _jacket(
+    width: float, height: float, rng: np.random.Generator, *, y: float, z: float, lean: float
+) -> Part:
     """Hang a jacket over the back of a chair."""
     cloth = cushion(
-        (-width / 2 - 0.04, -0.09, height * rng.uniform(0.1, 0.35)), (width / 2 + 0.04, 0.07, height + 0.04), 0.35, 0.3
+        (-width / 2 - 0.04, -0.09, height * rng.uniform(0.1, 0.35)),
+        (width / 2 + 0.04, 0.07, height + 0.04),
+        0.35,
+        0.3,
     )
     cloth[..., 1] += 0.015 * np.sin(cloth[..., 0] * 22) * (1.2 - cloth[..., 2] / height)
     cloth[..., 0] *= 1.12 - 0.2 * cloth[..., 2:][..., 0] / height
@@ -94,7 +122,9 @@ def _jacket(width: float, height: float, rng: np.random.Generator, *, y: float, 
 
 def _executive(style: Style, rng: np.random.Generator) -> list[Part]:
     """High swivel chair with thick bolsters and padded arms."""
-    leather = paint(((38, 34, 32), (70, 45, 32), (205, 198, 186))[rng.integers(3)], rng, "leather", 0.05)
+    leather = paint(
+        ((38, 34, 32), (70, 45, 32), (205, 198, 186))[rng.integers(3)], rng, "leather", 0.05
+    )
     frame = pick_metal(style, rng) if rng.random() < 0.5 else paint((40, 40, 44), rng)
     seat, width, depth = rng.uniform(0.46, 0.54), rng.uniform(0.5, 0.56), rng.uniform(0.48, 0.53)
     parts = [*star_base(frame, 0.34, rng), gas_column(seat - 0.11, rng)]
@@ -108,7 +138,11 @@ def _executive(style: Style, rng: np.random.Generator) -> list[Part]:
         cushion((-width * 0.42, -0.035, step * row + 0.01), (width * 0.42, 0.06, step * (row + 1)))
         for row in range(bolsters)
     ]
-    parts.append(solid(leather, shifted(tilted(np.concatenate(pads), lean), 0, -depth / 2 - 0.02, seat - 0.02)))
+    parts.append(
+        solid(
+            leather, shifted(tilted(np.concatenate(pads), lean), 0, -depth / 2 - 0.02, seat - 0.02)
+        )
+    )
     return parts + armrests(leather, frame, width=width, seat=seat, y=-0.15, rng=rng)
 
 
@@ -124,7 +158,12 @@ def _four_leg(style: Style, rng: np.random.Generator) -> list[Part]:
         parts = four_legs(width, depth, seat - 0.03, splay * 0.4, thick, frame, rear=rear)
         parts.append(
             seat_cushion(
-                pick_fabric(style, rng) if rng.random() < 0.6 else frame, width, depth, 0.045, y=-depth / 2, z=seat
+                pick_fabric(style, rng) if rng.random() < 0.6 else frame,
+                width,
+                depth,
+                0.045,
+                y=-depth / 2,
+                z=seat,
             )
         )
         rails = np.linspace(seat + 0.12, rear - 0.04, int(rng.integers(2, 5)))
@@ -132,9 +171,13 @@ def _four_leg(style: Style, rng: np.random.Generator) -> list[Part]:
         highs = [(width / 2 - 0.03, -depth / 2 - 0.005, z + 0.05) for z in rails]
         return [*parts, solid(frame, boxes(lows, highs))]
     surface = pick_plastic(style, rng) if rng.random() < 0.6 else pick_wood(style, rng)
-    parts = four_legs(width, 0.4, seat - 0.02, splay, thick, frame) + shell_seat(surface, width, seat, rng)
+    parts = four_legs(width, 0.4, seat - 0.02, splay, thick, frame) + shell_seat(
+        surface, width, seat, rng
+    )
     if rng.random() < 0.4:
-        parts.append(seat_cushion(pick_fabric(style, rng), width * 0.92, 0.38, 0.035, y=-0.18, z=seat + 0.03))
+        parts.append(
+            seat_cushion(pick_fabric(style, rng), width * 0.92, 0.38, 0.035, y=-0.18, z=seat + 0.03)
+        )
     if rng.random() < 0.25:
         parts += armrests(surface, frame, width=width, seat=seat, y=-0.1, rng=rng)
     return parts
@@ -150,22 +193,50 @@ def _cantilever(style: Style, rng: np.random.Generator) -> list[Part]:
         rear = -depth / 2 - 0.08
         foot = [(x, rear - 0.02, radius), (x, depth / 2, radius)]
         if arms:
-            parts.append(solid(frame, pipe(bend([*foot, (x, depth / 2 + 0.02, 0.66), (x, rear, 0.67)], 0.07), radius)))
+            parts.append(
+                solid(
+                    frame,
+                    pipe(bend([*foot, (x, depth / 2 + 0.02, 0.66), (x, rear, 0.67)], 0.07), radius),
+                )
+            )
             parts.append(
                 solid(
                     frame,
                     pipe(
-                        bend([(x, depth / 2, seat - 0.03), (x, -depth / 2, seat - 0.03), (x, rear, top)], 0.08), radius
+                        bend(
+                            [
+                                (x, depth / 2, seat - 0.03),
+                                (x, -depth / 2, seat - 0.03),
+                                (x, rear, top),
+                            ],
+                            0.08,
+                        ),
+                        radius,
                     ),
                 )
             )
         else:
-            path = [*foot, (x, depth / 2 + 0.03, seat - 0.03), (x, -depth / 2, seat - 0.03), (x, rear, top)]
+            path = [
+                *foot,
+                (x, depth / 2 + 0.03, seat - 0.03),
+                (x, -depth / 2, seat - 0.03),
+                (x, rear, top),
+            ]
             parts.append(solid(frame, pipe(bend(path, 0.07), radius)))
-    parts.append(solid(frame, boxes([(-width / 2, rear - 0.03, 0)], [(width / 2, rear - 0.008, 0.022)])))
-    parts.append(seat_cushion(fabric, width - 0.03, depth, rng.uniform(0.03, 0.06), y=-depth / 2, z=seat + 0.02))
+    parts.append(
+        solid(frame, boxes([(-width / 2, rear - 0.03, 0)], [(width / 2, rear - 0.008, 0.022)]))
+    )
+    parts.append(
+        seat_cushion(
+            fabric, width - 0.03, depth, rng.uniform(0.03, 0.06), y=-depth / 2, z=seat + 0.02
+        )
+    )
     grid = back_grid(width - 0.03, top - seat - 0.06, rng, curve=0.02, taper=0.0)
-    parts.append(backrest(fabric, grid, rng.uniform(0.015, 0.045), y=-depth / 2 - 0.01, z=seat + 0.08, lean=0.15))
+    parts.append(
+        backrest(
+            fabric, grid, rng.uniform(0.015, 0.045), y=-depth / 2 - 0.01, z=seat + 0.08, lean=0.15
+        )
+    )
     return parts
 
 
@@ -175,10 +246,15 @@ def _folding(style: Style, rng: np.random.Generator) -> list[Part]:
     panel = (pick_plastic, pick_wood, pick_fabric)[rng.integers(3)](style, rng)
     radius, parts = 0.011, []
     for x in (-width / 2, width / 2):
-        parts.append(solid(frame, pipe([(x, 0.26, 0.0), (x, -0.15, 0.48), (x, -0.26, 0.8)], radius)))
+        parts.append(
+            solid(frame, pipe([(x, 0.26, 0.0), (x, -0.15, 0.48), (x, -0.26, 0.8)], radius))
+        )
         inner = x * 0.9
         parts.append(solid(frame, pipe([(inner, -0.25, 0.0), (inner, 0.18, 0.44)], radius)))
-    bars = [pipe([(-width / 2, y, z), (width / 2, y, z)], 0.009) for y, z in ((0.2, 0.075), (-0.2, 0.06))]
+    bars = [
+        pipe([(-width / 2, y, z), (width / 2, y, z)], 0.009)
+        for y, z in ((0.2, 0.075), (-0.2, 0.06))
+    ]
     parts.append(solid(frame, bars[0]))
     parts.append(solid(frame, bars[1]))
     parts.append(seat_cushion(panel, width * 0.86, 0.38, 0.03, y=-0.17, z=0.45))
@@ -191,16 +267,30 @@ def _stool(style: Style, rng: np.random.Generator) -> list[Part]:
     kind = int(rng.integers(3))
     frame, radius = pick_metal(style, rng), rng.uniform(0.15, 0.2)
     top = rng.uniform(0.6, 0.8) if kind < 2 else rng.uniform(0.42, 0.55)
-    seat = solid(pick_fabric(style, rng), cushion((-radius, -radius, top - 0.07), (radius, radius, top), 1.0, 0.5))
+    seat = solid(
+        pick_fabric(style, rng),
+        cushion((-radius, -radius, top - 0.07), (radius, radius, top), 1.0, 0.5),
+    )
     if kind == 0:
-        foot = lathe([(0, 0), (0.21, 0), (0.21, 0.01), (0.03, 0.03), (0.03, top - 0.05), (0, top - 0.05)], 14)
-        ring = pipe([(0.14 * np.cos(a), 0.14 * np.sin(a), 0.26) for a in np.linspace(0, 2 * np.pi, 13)], 0.009)
+        foot = lathe(
+            [(0, 0), (0.21, 0), (0.21, 0.01), (0.03, 0.03), (0.03, top - 0.05), (0, top - 0.05)], 14
+        )
+        ring = pipe(
+            [(0.14 * np.cos(a), 0.14 * np.sin(a), 0.26) for a in np.linspace(0, 2 * np.pi, 13)],
+            0.009,
+        )
         return [solid(frame, foot), solid(frame, ring), seat]
     if kind == 1:
         wood = pick_wood(style, rng) if rng.random() < 0.6 else frame
         z = rng.uniform(0.2, 0.35)
-        square = [(x * 0.16, y * 0.16, z) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
-        return [*four_legs(0.28, 0.28, top - 0.05, 0.06, 0.03, wood), solid(wood, pipe(square, 0.01)), seat]
+        square = [
+            (x * 0.16, y * 0.16, z) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+        ]
+        return [
+            *four_legs(0.28, 0.28, top - 0.05, 0.06, 0.03, wood),
+            solid(wood, pipe(square, 0.01)),
+            seat,
+        ]
     return [*star_base(frame, 0.25, rng), gas_column(top - 0.06, rng), seat]
 
 

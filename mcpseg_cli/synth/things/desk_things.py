@@ -13,17 +13,28 @@ from mcpseg_cli.synth.things.boxes_and_bags import bright
 
 def dark_or_light(rng: np.random.Generator) -> Material:
     """Pick the casing of a device: black, grey, white or silver."""
-    return paint(((32, 32, 35), (32, 32, 35), (80, 82, 86), (215, 214, 208), (178, 180, 184))[rng.integers(5)], rng)
+    return paint(
+        ((32, 32, 35), (32, 32, 35), (80, 82, 86), (215, 214, 208), (178, 180, 184))[
+            rng.integers(5)
+        ],
+        rng,
+    )
 
 
-def screen_parts(width: float, casing: Material, rng: np.random.Generator, *, curve: float = 0.0) -> list[Part]:
+def screen_parts(
+    width: float, casing: Material, rng: np.random.Generator, *, curve: float = 0.0
+) -> list[Part]:
     """Make a flat or bent screen about y = 0, its lower edge at z = 0, facing +y."""
     height = width * rng.uniform(0.55, 0.64)
-    x, z = np.meshgrid(np.linspace(-0.5, 0.5, 7 if curve else 2) * width, np.linspace(0, 1, 2), indexing="ij")
+    x, z = np.meshgrid(
+        np.linspace(-0.5, 0.5, 7 if curve else 2) * width, np.linspace(0, 1, 2), indexing="ij"
+    )
     y = curve * (2 * x / width) ** 2
     body = shell(np.stack([x, y, z * height], axis=-1), 0.022)
     rim = 0.008 / width
-    glass = shell(np.stack([x * (1 - 2 * rim), y + 0.0115, 0.02 + z * (height - 0.03)], axis=-1), 0.002)
+    glass = shell(
+        np.stack([x * (1 - 2 * rim), y + 0.0115, 0.02 + z * (height - 0.03)], axis=-1), 0.002
+    )
     bulge = boxes((-width * 0.28, -0.045, height * 0.2), (width * 0.28, -0.01, height * 0.75))
     return [solid(casing, body, bulge), solid(_screen_face(rng, 0.35), glass)]
 
@@ -45,7 +56,11 @@ def monitor(style: Style, rng: np.random.Generator) -> list[Part]:
     screen = screen_parts(width, casing, rng, curve=rng.uniform(0.02, 0.05) if wide else 0.0)
     yaw = rng.normal(0, 0.08)
     parts = [part.moved(y=0.04, z=lift, yaw=yaw) for part in screen]
-    foot = lathe([(0, 0), (0.12, 0), (0.11, 0.012), (0, 0.018)], 14) * [1.0, rng.uniform(0.7, 1.0), 1.0]
+    foot = lathe([(0, 0), (0.12, 0), (0.11, 0.012), (0, 0.018)], 14) * [
+        1.0,
+        rng.uniform(0.7, 1.0),
+        1.0,
+    ]
     if rng.random() < 0.5:
         foot = boxes((-0.13, -0.09, 0), (0.13, 0.09, 0.012))
     return [
@@ -67,15 +82,29 @@ def monitor_pair(style: Style, rng: np.random.Generator) -> list[Part]:
         parts += [part.moved(x=x, y=y, z=lift, yaw=sign * angle) for part in screen]
         if seed % 2:
             parts.append(solid(casing, boxes((x - 0.1, y - 0.1, 0), (x + 0.1, y + 0.06, 0.012))))
-            parts.append(solid(casing, boxes((x - 0.02, y - 0.07, 0.01), (x + 0.02, y - 0.045, lift + 0.16))))
+            parts.append(
+                solid(casing, boxes((x - 0.02, y - 0.07, 0.01), (x + 0.02, y - 0.045, lift + 0.16)))
+            )
         else:
             arm = pipe(
-                bend([(0, -0.09, lift + 0.16), (x * 0.5, -0.1, lift + 0.16), (x, y - 0.04, lift + 0.16)], 0.08), 0.016
+                bend(
+                    [
+                        (0, -0.09, lift + 0.16),
+                        (x * 0.5, -0.1, lift + 0.16),
+                        (x, y - 0.04, lift + 0.16),
+                    ],
+                    0.08,
+                ),
+                0.016,
             )
             parts.append(solid(casing, arm))
     if not seed % 2:
         parts.append(
-            solid(casing, rod(0.018, 0, lift + 0.22, 0, -0.09), boxes((-0.05, -0.13, 0), (0.05, -0.04, 0.015)))
+            solid(
+                casing,
+                rod(0.018, 0, lift + 0.22, 0, -0.09),
+                boxes((-0.05, -0.13, 0), (0.05, -0.04, 0.015)),
+            )
         )
     return parts
 
@@ -84,7 +113,10 @@ def keyboard(style: Style, rng: np.random.Generator) -> list[Part]:
     """Keyboard and mouse, at times with a mat."""
     casing, width = dark_or_light(rng), rng.uniform(0.28, 0.46)
     rows = np.linspace(-0.055, 0.045, 5)
-    keys = boxes([(-width / 2 + 0.008, y, 0.014) for y in rows], [(width / 2 - 0.008, y + 0.016, 0.021) for y in rows])
+    keys = boxes(
+        [(-width / 2 + 0.008, y, 0.014) for y in rows],
+        [(width / 2 - 0.008, y + 0.016, 0.021) for y in rows],
+    )
     board = boxes((-width / 2, -0.07, 0), (width / 2, 0.07, 0.015))
     mouse = cushion((-0.03, -0.05, 0.002), (0.03, 0.05, 0.035), 0.7, 0.8)
     x = width / 2 + rng.uniform(0.07, 0.16)
@@ -94,7 +126,9 @@ def keyboard(style: Style, rng: np.random.Generator) -> list[Part]:
         solid(casing, shifted(turned(mouse, rng.normal(0, 0.3)), x, rng.normal(0, 0.02))),
     ]
     if rng.random() < 0.4:
-        parts.append(solid(paint(bright(rng), rng), boxes((x - 0.1, -0.1, 0), (x + 0.12, 0.1, 0.003))))
+        parts.append(
+            solid(paint(bright(rng), rng), boxes((x - 0.1, -0.1, 0), (x + 0.12, 0.1, 0.003)))
+        )
     return parts
 
 
@@ -108,7 +142,9 @@ def laptop(style: Style, rng: np.random.Generator) -> list[Part]:
         return [solid(casing, base, shifted(base, z=0.012))]
     angle = rng.uniform(0.05, 0.6)
     lid = tilted(boxes((-width / 2, -0.006, 0), (width / 2, 0.002, depth)), angle)
-    glass = tilted(boxes((-width / 2 + 0.01, 0.002, 0.015), (width / 2 - 0.01, 0.003, depth - 0.01)), angle)
+    glass = tilted(
+        boxes((-width / 2 + 0.01, 0.002, 0.015), (width / 2 - 0.01, 0.003, depth - 0.01)), angle
+    )
     return [
         solid(casing, base),
         solid(paint((40, 40, 42), rng), keys),
@@ -122,7 +158,9 @@ def desk_lamp(style: Style, rng: np.random.Generator) -> list[Part]:
     material = paint(bright(rng), rng) if rng.random() < 0.5 else dark_or_light(rng)
     if rng.random() < 0.35:
         height, wide = rng.uniform(0.3, 0.5), rng.uniform(0.1, 0.16)
-        body = lathe([(0, 0), (wide * 0.6, 0), (wide * 0.55, 0.02), (0.012, 0.04), (0.012, height - 0.1)], 12)
+        body = lathe(
+            [(0, 0), (wide * 0.6, 0), (wide * 0.55, 0.02), (0.012, 0.04), (0.012, height - 0.1)], 12
+        )
         shade = lathe([(wide, height - 0.18), (wide * 0.7, height)], 14)
         return [solid(material, body), solid(paint((235, 228, 205), rng), shade)]
     elbow = (rng.uniform(-0.12, -0.04), 0.0, rng.uniform(0.28, 0.42))
@@ -130,7 +168,10 @@ def desk_lamp(style: Style, rng: np.random.Generator) -> list[Part]:
     foot = lathe([(0, 0), (0.09, 0), (0.085, 0.018), (0, 0.025)], 14)
     lower, upper = pipe([(0, 0, 0.02), elbow], 0.008, 5), pipe([elbow, head], 0.007, 5)
     shade = shifted(
-        tilted(lathe([(0.07, -0.09), (0.05, -0.03), (0.02, 0.01), (0, 0.012)], 10), rng.normal(0, 0.3)), *head
+        tilted(
+            lathe([(0.07, -0.09), (0.05, -0.03), (0.02, 0.01), (0, 0.012)], 10), rng.normal(0, 0.3)
+        ),
+        *head,
     )
     yaw = rng.uniform(0, 6.28)
     return [solid(material, part).moved(yaw=yaw) for part in (foot, lower, upper, shade)]
@@ -145,13 +186,25 @@ def telephone(style: Style, rng: np.random.Generator) -> list[Part]:
     receiver[..., 2] += 0.02 * np.abs(receiver[..., 1]) / 0.1
     keys = boxes(
         [(x, y, 0.045 - 0.1 * y) for x in (0.0, 0.03, 0.06) for y in (-0.05, -0.01, 0.03)],
-        [(x + 0.02, y + 0.02, 0.052 - 0.1 * y) for x in (0.0, 0.03, 0.06) for y in (-0.05, -0.01, 0.03)],
+        [
+            (x + 0.02, y + 0.02, 0.052 - 0.1 * y)
+            for x in (0.0, 0.03, 0.06)
+            for y in (-0.05, -0.01, 0.03)
+        ],
     )
     steps = np.linspace(0, 1, 9)
     cord = pipe(
-        np.column_stack([-0.1 - 0.05 * np.sin(np.pi * steps), -0.08 + 0.16 * steps, np.full(9, 0.008)]), 0.006, 4
+        np.column_stack(
+            [-0.1 - 0.05 * np.sin(np.pi * steps), -0.08 + 0.16 * steps, np.full(9, 0.008)]
+        ),
+        0.006,
+        4,
     )
-    return [solid(casing, body, cord), solid(dark_or_light(rng), receiver), solid(paint((200, 200, 198), rng), keys)]
+    return [
+        solid(casing, body, cord),
+        solid(dark_or_light(rng), receiver),
+        solid(paint((200, 200, 198), rng), keys),
+    ]
 
 
 def printer(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -164,11 +217,14 @@ def printer(style: Style, rng: np.random.Generator) -> list[Part]:
     )
     w, d = width / 2, depth / 2
     body = boxes(
-        [(-w, -d, 0), (-w + 0.02, -d + 0.02, height * 0.75)], [(w, d, height * 0.75), (w - 0.02, d - 0.05, height)]
+        [(-w, -d, 0), (-w + 0.02, -d + 0.02, height * 0.75)],
+        [(w, d, height * 0.75), (w - 0.02, d - 0.05, height)],
     )
     mouth = boxes((-w + 0.05, d, height * 0.32), (w - 0.05, d + 0.09, height * 0.36))
     paper = boxes((-0.1, d - 0.05, height * 0.36), (0.1, d + 0.08, height * 0.4))
-    feed = shifted(tilted(boxes((-0.11, 0, 0), (0.11, 0.004, 0.2)), 0.4), 0, -d + 0.08, height * 0.97)
+    feed = shifted(
+        tilted(boxes((-0.11, 0, 0), (0.11, 0.004, 0.2)), 0.4), 0, -d + 0.08, height * 0.97
+    )
     return [
         solid(casing, body, mouth),
         solid(paint((238, 238, 235), rng, "paper", 0.2), paper),
@@ -186,7 +242,8 @@ def pc_tower(style: Style, rng: np.random.Generator) -> list[Part]:
     )
     body = boxes((-width / 2, 0, 0.01), (width / 2, depth, height))
     feet = boxes(
-        [(-width / 2, y, 0) for y in (0.03, depth - 0.06)], [(width / 2, y + 0.03, 0.01) for y in (0.03, depth - 0.06)]
+        [(-width / 2, y, 0) for y in (0.03, depth - 0.06)],
+        [(width / 2, y + 0.03, 0.01) for y in (0.03, depth - 0.06)],
     )
     bays = boxes(
         [(-width * 0.42, depth, z * height) for z in (0.66, 0.78, 0.9)],
@@ -203,7 +260,10 @@ def cables(style: Style, rng: np.random.Generator) -> list[Part]:
         end = rng.uniform([-0.5, 0.1], [0.5, 0.45])
         swing = np.cumsum(rng.normal(0, 0.035, (12, 2)), axis=0) * np.sin(np.pi * steps)
         path = np.column_stack(
-            [np.array([rng.uniform(-0.12, 0.12), 0.05]) * (1 - steps) + end * steps + swing, np.full(12, 0.007)]
+            [
+                np.array([rng.uniform(-0.12, 0.12), 0.05]) * (1 - steps) + end * steps + swing,
+                np.full(12, 0.007),
+            ]
         )
         path[:, 1] = np.maximum(path[:, 1], 0.01)
         parts.append(solid(dark_or_light(rng), pipe(path, 0.006, 4)))
@@ -216,7 +276,16 @@ def loudspeaker(style: Style, rng: np.random.Generator) -> list[Part]:
     cones = [
         shifted(
             tilted(
-                lathe([(0, -0.004), (radius, -0.004), (radius, 0.006), (radius * 0.3, 0.001), (0, 0.003)], 12),
+                lathe(
+                    [
+                        (0, -0.004),
+                        (radius, -0.004),
+                        (radius, 0.006),
+                        (radius * 0.3, 0.001),
+                        (0, 0.003),
+                    ],
+                    12,
+                ),
                 -np.pi / 2,
             ),
             0,
@@ -225,7 +294,10 @@ def loudspeaker(style: Style, rng: np.random.Generator) -> list[Part]:
         )
         for radius, z in ((w * 0.4, h * 0.35), (w * 0.2, h * 0.78))
     ]
-    return [solid(dark_or_light(rng), boxes((-w / 2, 0, 0), (w / 2, d, h))), solid(paint((28, 28, 30), rng), *cones)]
+    return [
+        solid(dark_or_light(rng), boxes((-w / 2, 0, 0), (w / 2, d, h))),
+        solid(paint((28, 28, 30), rng), *cones),
+    ]
 
 
 def pen_pot(style: Style, rng: np.random.Generator) -> list[Part]:

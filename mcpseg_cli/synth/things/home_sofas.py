@@ -12,11 +12,25 @@ from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
 from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_fabric, pick_metal, pick_wood
 
-_LEATHERS: tuple[Colour, ...] = ((34, 30, 30), (52, 38, 32), (84, 52, 36), (118, 72, 44), (70, 26, 26), (196, 184, 166))
+_LEATHERS: tuple[Colour, ...] = (
+    (34, 30, 30),
+    (52, 38, 32),
+    (84, 52, 36),
+    (118, 72, 44),
+    (70, 26, 26),
+    (196, 184, 166),
+)
 _PILLOWS: tuple[Colour, ...] = (
-    (40, 40, 44), (176, 92, 54), (196, 160, 84), (58, 96, 104), (122, 44, 50), (212, 204, 188), (86, 98, 66),
-    (104, 76, 112), (150, 140, 126),
-)  # fmt: skip
+    (40, 40, 44),
+    (176, 92, 54),
+    (196, 160, 84),
+    (58, 96, 104),
+    (122, 44, 50),
+    (212, 204, 188),
+    (86, 98, 66),
+    (104, 76, 112),
+    (150, 140, 126),
+)
 _WEAVES: tuple[Pattern, ...] = ("weave", "plain", "stripes", "checks", "print")
 
 
@@ -55,14 +69,17 @@ class _Build:
     has_back_cushions: bool
 
 
-def make_home_sofa(seats: int, style: Style, rng: np.random.Generator, corner: float = 0.0) -> HomeSofa:
+def make_home_sofa(
+    seats: int, style: Style, rng: np.random.Generator, corner: float = 0.0
+) -> HomeSofa:
     """Make a sofa as homes have them.
 
     Args:
         seats: How many sit side by side on it, 1-4; a corner or a chaise longue comes on top.
         style: Colours and materials of the building.
         rng: Decides sizes, shape and colours.
-        corner: Side of a second run of seats or a chaise longue, +1 at +x, -1 at -x; 0 for a straight sofa.
+        corner: Side of a second run of seats or a chaise longue, +1 at +x, -1 at -x; 0 for a
+            straight sofa.
 
     Returns:
         The sofa, of class sofa like the pillows and blankets on it; it stands on z = 0.
@@ -90,14 +107,29 @@ def _draw_build(style: Style, rng: np.random.Generator) -> _Build:
     frame = pick_wood(style, rng) if rng.random() < 0.65 else pick_metal(style, rng)
     is_slim = rng.random() < 0.25
     height, seat = rng.uniform(0.66, 1.0), rng.uniform(0.36, 0.48)
-    arm = 0.0 if rng.random() < 0.15 else rng.uniform(0.05, 0.08) if is_slim else rng.uniform(0.12, 0.32)
+    arm = (
+        0.0
+        if rng.random() < 0.15
+        else rng.uniform(0.05, 0.08)
+        if is_slim
+        else rng.uniform(0.12, 0.32)
+    )
     return _Build(
-        cover, frame, depth=rng.uniform(0.8, 1.08), height=height, foot=rng.uniform(0.12, 0.2) if is_slim else
-        rng.uniform(0.02, 0.12), seat=seat, arm=arm, arm_top=height - 0.06 if rng.random() < 0.15 else
-        rng.uniform(seat + 0.08, seat + 0.26), back=rng.uniform(0.12, 0.24), place=rng.uniform(0.56, 0.8),
-        softness=rng.uniform(0.15, 0.6), lean=rng.uniform(0.06, 0.26), is_slim=is_slim,
+        cover,
+        frame,
+        depth=rng.uniform(0.8, 1.08),
+        height=height,
+        foot=rng.uniform(0.12, 0.2) if is_slim else rng.uniform(0.02, 0.12),
+        seat=seat,
+        arm=arm,
+        arm_top=height - 0.06 if rng.random() < 0.15 else rng.uniform(seat + 0.08, seat + 0.26),
+        back=rng.uniform(0.12, 0.24),
+        place=rng.uniform(0.56, 0.8),
+        softness=rng.uniform(0.15, 0.6),
+        lean=rng.uniform(0.06, 0.26),
+        is_slim=is_slim,
         has_back_cushions=rng.random() < 0.8,
-    )  # fmt: skip
+    )
 
 
 def _run(build: _Build, width: float, arms: Sequence[bool], rng: np.random.Generator) -> list[Part]:
@@ -105,7 +137,12 @@ def _run(build: _Build, width: float, arms: Sequence[bool], rng: np.random.Gener
     half, b = width / 2, build
     low = b.seat - (0.1 if b.is_slim else 0.16)
     base = cushion((-half, 0.02, b.foot), (half, b.depth - 0.02, low), 0.06, 0.12)
-    rear = cushion((-half, 0, b.foot), (half, b.back, b.height - rng.uniform(0.0, 0.08)), 0.1, 0.1 + b.softness / 2)
+    rear = cushion(
+        (-half, 0, b.foot),
+        (half, b.back, b.height - rng.uniform(0.0, 0.08)),
+        0.1,
+        0.1 + b.softness / 2,
+    )
     spots = [(x * (half - 0.07), y) for x in (-1, 1) for y in (0.08, b.depth - 0.1)]
     feet = [slanted((x, y, 0), (x, y, b.foot + 0.02), (0.045, 0.045)) for x, y in spots]
     parts = [solid(b.cover, base), solid(b.cover, rear), *(solid(b.frame, foot) for foot in feet)]
@@ -130,7 +167,9 @@ def _arm(build: _Build, x: float) -> list[Part]:
     return [solid(b.cover, cushion((x, 0.01, b.foot), (end, b.depth, b.arm_top), 0.12, b.softness))]
 
 
-def _seats(build: _Build, first: float, last: float, low: float, rng: np.random.Generator) -> list[Part]:
+def _seats(
+    build: _Build, first: float, last: float, low: float, rng: np.random.Generator
+) -> list[Part]:
     """Put seat and back cushions between two ends: one each, or long ones for two; each sags a little differently."""
     b, parts = build, []
     count = max(round((last - first) / b.place), 1)
@@ -139,14 +178,26 @@ def _seats(build: _Build, first: float, last: float, low: float, rng: np.random.
     edges, thick = np.linspace(first, last, count + 1), rng.uniform(0.11, 0.19)
     for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         shape = cushion(
-            (start + 0.004, b.back, low - 0.02), (end - 0.004, b.depth + 0.01, b.seat - rng.uniform(0, 0.03)),
-            0.14, 0.2 + b.softness / 2,
-        )  # fmt: skip
+            (start + 0.004, b.back, low - 0.02),
+            (end - 0.004, b.depth + 0.01, b.seat - rng.uniform(0, 0.03)),
+            0.14,
+            0.2 + b.softness / 2,
+        )
         parts.append(solid(b.cover, shape))
         if b.has_back_cushions:
             tall = b.height - b.seat + rng.uniform(-0.06, 0.06)
-            rest = cushion((0.01, -thick / 2, 0), (end - start - 0.01, thick / 2, tall), 0.25, 0.3 + b.softness / 2)
-            leaned = shifted(tilted(rest, b.lean * rng.uniform(0.8, 1.2)), start, b.back + thick * 0.7, b.seat - 0.02)
+            rest = cushion(
+                (0.01, -thick / 2, 0),
+                (end - start - 0.01, thick / 2, tall),
+                0.25,
+                0.3 + b.softness / 2,
+            )
+            leaned = shifted(
+                tilted(rest, b.lean * rng.uniform(0.8, 1.2)),
+                start,
+                b.back + thick * 0.7,
+                b.seat - 0.02,
+            )
             parts.append(solid(b.cover, leaned))
     return parts
 
@@ -166,15 +217,23 @@ def _chaise(build: _Build, side: float, width: float, rng: np.random.Generator) 
     inner, reach = end - side * b.depth * 0.9, b.depth + rng.uniform(0.5, 0.95)
     low, high = min(inner, end), max(inner, end)
     body = cushion((low, b.depth - 0.04, b.foot), (high, reach, b.seat - 0.12), 0.1, 0.15)
-    top = cushion((low + 0.005, b.depth - 0.04, b.seat - 0.14), (high - 0.005, reach + 0.01, b.seat), 0.15, 0.35)
+    top = cushion(
+        (low + 0.005, b.depth - 0.04, b.seat - 0.14),
+        (high - 0.005, reach + 0.01, b.seat),
+        0.15,
+        0.35,
+    )
     feet = [
-        slanted((x, reach - 0.1, 0), (x, reach - 0.1, b.foot + 0.02), (0.045,) * 2) for x in (low + 0.08, high - 0.08)
+        slanted((x, reach - 0.1, 0), (x, reach - 0.1, b.foot + 0.02), (0.045,) * 2)
+        for x in (low + 0.08, high - 0.08)
     ]
     parts = [solid(b.cover, body), solid(b.cover, top), *(solid(b.frame, foot) for foot in feet)]
     if b.arm and not b.is_slim:
         x0, x1 = sorted((end, end - side * b.arm))
         far = reach if rng.random() < 0.3 else b.depth
-        parts.append(solid(b.cover, cushion((x0, 0.01, b.foot), (x1, far, b.arm_top), 0.12, b.softness)))
+        parts.append(
+            solid(b.cover, cushion((x0, 0.01, b.foot), (x1, far, b.arm_top), 0.12, b.softness))
+        )
     return parts
 
 
@@ -185,7 +244,9 @@ def _pillows(build: _Build, width: float, count: int, rng: np.random.Generator) 
     for _ in range(count):
         if rng.random() < 0.6:
             pattern = _WEAVES[rng.integers(len(_WEAVES))]
-            cover = paint(_PILLOWS[rng.integers(len(_PILLOWS))], rng, pattern, rng.uniform(0.03, 0.2))
+            cover = paint(
+                _PILLOWS[rng.integers(len(_PILLOWS))], rng, pattern, rng.uniform(0.03, 0.2)
+            )
         wide, tall = rng.uniform(0.36, 0.56), rng.uniform(0.3, 0.46)
         pad = cushion((-wide / 2, -0.065, 0), (wide / 2, 0.065, tall), 0.45, 0.5)
         x = rng.uniform(-1, 1) * max(width / 2 - b.arm - wide / 2, 0.02)
@@ -204,9 +265,17 @@ def _blanket(build: _Build, width: float, rng: np.random.Generator) -> Part:
     colour = _PILLOWS[rng.integers(len(_PILLOWS))]
     cover = paint(colour, rng, _WEAVES[rng.integers(len(_WEAVES))], rng.uniform(0.05, 0.25))
     top, front = b.height + 0.05, b.back + (0.22 if b.has_back_cushions else 0.02)
-    profile = [(0.03, top), (front - 0.04, top), (front + 0.06, b.seat + 0.06), (b.depth - 0.05, b.seat + 0.025)]
+    profile = [
+        (0.03, top),
+        (front - 0.04, top),
+        (front + 0.06, b.seat + 0.06),
+        (b.depth - 0.05, b.seat + 0.025),
+    ]
     if rng.random() < 0.5:
-        profile += [(b.depth + 0.035, b.seat - 0.02), (b.depth + 0.04, b.seat - rng.uniform(0.1, 0.25))]
+        profile += [
+            (b.depth + 0.035, b.seat - 0.02),
+            (b.depth + 0.04, b.seat - rng.uniform(0.1, 0.25)),
+        ]
     path = np.array(profile)
     along = np.linspace(-wide / 2, wide / 2, 9)
     x = along[:, None] + rng.normal(0, 0.02, (1, len(path)))

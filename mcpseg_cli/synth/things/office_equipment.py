@@ -12,7 +12,9 @@ from mcpseg_cli.synth.things.desk_things import screen_parts
 
 def filing_cabinet(style: Style, rng: np.random.Generator) -> list[Part]:
     """Metal filing cabinet or a row of lockers."""
-    return _cabinet(rng.uniform(0.4, 0.5), rng.uniform(0.45, 0.62), int(rng.integers(2, 5)), 0.33, rng)
+    return _cabinet(
+        rng.uniform(0.4, 0.5), rng.uniform(0.45, 0.62), int(rng.integers(2, 5)), 0.33, rng
+    )
 
 
 def drawer_unit(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -20,15 +22,21 @@ def drawer_unit(style: Style, rng: np.random.Generator) -> list[Part]:
     return _cabinet(rng.uniform(0.38, 0.44), rng.uniform(0.48, 0.58), 3, 0.18, rng)
 
 
-def _cabinet(width: float, depth: float, rows: int, step: float, rng: np.random.Generator) -> list[Part]:
+def _cabinet(
+    width: float, depth: float, rows: int, step: float, rng: np.random.Generator
+) -> list[Part]:
     """Make a body with drawer fronts and handles."""
     metal = paint((150, 152, 156) if rng.random() < 0.5 else (215, 214, 208), rng, "metal")
     height, w = rows * step + 0.06, width / 2
     edges = 0.05 + step * np.arange(rows)
     pulled = np.where(rng.random(rows) < 0.08, rng.uniform(0.05, 0.2), 0.018)
-    body = boxes([(-w, 0, 0.03), (-w + 0.02, 0.03, 0)], [(w, depth, height), (w - 0.02, depth - 0.04, 0.03)])
+    body = boxes(
+        [(-w, 0, 0.03), (-w + 0.02, 0.03, 0)], [(w, depth, height), (w - 0.02, depth - 0.04, 0.03)]
+    )
     lows = np.column_stack([np.full(rows, -w + 0.006), np.full(rows, depth - 0.001), edges + 0.004])
-    faces = boxes(lows, np.column_stack([np.full(rows, w - 0.006), depth + pulled, edges + step - 0.004]))
+    faces = boxes(
+        lows, np.column_stack([np.full(rows, w - 0.006), depth + pulled, edges + step - 0.004])
+    )
     pulls = boxes(
         np.column_stack([np.full(rows, -0.06), depth + pulled, edges + step - 0.07]),
         np.column_stack([np.full(rows, 0.06), depth + pulled + 0.02, edges + step - 0.05]),
@@ -42,16 +50,25 @@ def lockers(style: Style, rng: np.random.Generator) -> list[Part]:
     wide, rows = rng.uniform(0.28, 0.36), int(rng.integers(1, 4))
     body = boxes((0, 0, 0), (count * wide, depth, height))
     x, z = (
-        grid.ravel() for grid in np.meshgrid(np.arange(count) * wide, 0.06 + np.arange(rows) * (height - 0.08) / rows)
+        grid.ravel()
+        for grid in np.meshgrid(
+            np.arange(count) * wide, 0.06 + np.arange(rows) * (height - 0.08) / rows
+        )
     )
     tall = (height - 0.08) / rows
     lows = np.column_stack([x + 0.006, np.full(len(x), depth), z + 0.006])
-    faces = boxes(lows, np.column_stack([x + wide - 0.006, np.full(len(x), depth + 0.014), z + tall - 0.006]))
+    faces = boxes(
+        lows, np.column_stack([x + wide - 0.006, np.full(len(x), depth + 0.014), z + tall - 0.006])
+    )
     slits = boxes(
         np.column_stack([x + wide * 0.3, np.full(len(x), depth + 0.014), z + tall - 0.09]),
         np.column_stack([x + wide * 0.7, np.full(len(x), depth + 0.018), z + tall - 0.05]),
     )
-    shade = paint(((170, 174, 178), (90, 110, 140), (200, 196, 184), (120, 60, 54))[rng.integers(4)], rng, "metal")
+    shade = paint(
+        ((170, 174, 178), (90, 110, 140), (200, 196, 184), (120, 60, 54))[rng.integers(4)],
+        rng,
+        "metal",
+    )
     return [
         solid(paint((150, 152, 156), rng, "metal"), body),
         solid(shade, faces),
@@ -69,7 +86,8 @@ def copier(style: Style, rng: np.random.Generator) -> list[Part]:
     )
     rear = boxes((-w, 0, h * 0.72), (w, d * 0.4, h * 0.82))
     drawers = boxes(
-        [(-w + 0.02, d, z) for z in (0.06, 0.22, 0.38)], [(w - 0.02, d + 0.012, z + 0.14) for z in (0.06, 0.22, 0.38)]
+        [(-w + 0.02, d, z) for z in (0.06, 0.22, 0.38)],
+        [(w - 0.02, d + 0.012, z + 0.14) for z in (0.06, 0.22, 0.38)],
     )
     panel = shifted(tilted(boxes((-0.22, 0, 0), (0.2, 0.16, 0.03)), -0.35), 0, d - 0.04, h - 0.02)
     lid = boxes((-w + 0.03, 0.02, h), (w - 0.03, d - 0.1, h + rng.uniform(0.03, 0.14)))
@@ -79,7 +97,12 @@ def copier(style: Style, rng: np.random.Generator) -> list[Part]:
 
 def trolley(style: Style, rng: np.random.Generator) -> list[Part]:
     """Trolley with two or three shelves, or a hand truck's platform, loaded."""
-    metal, w, d, h = pick_metal(style, rng), rng.uniform(0.6, 0.9) / 2, rng.uniform(0.4, 0.55), rng.uniform(0.8, 1.0)
+    metal, w, d, h = (
+        pick_metal(style, rng),
+        rng.uniform(0.6, 0.9) / 2,
+        rng.uniform(0.4, 0.55),
+        rng.uniform(0.8, 1.0),
+    )
     parts = [
         solid(metal, boxes((-w, 0, z), (w, d, z + 0.03)))
         for z in (0.14, *np.linspace(0.14, h - 0.12, int(rng.integers(2, 4)))[1:])
@@ -106,7 +129,9 @@ def trolley(style: Style, rng: np.random.Generator) -> list[Part]:
         ),
         0.012,
     )
-    load = boxes((-w * 0.7, 0.06, 0.17), (w * rng.uniform(-0.2, 0.6), d - 0.06, 0.17 + rng.uniform(0.1, 0.3)))
+    load = boxes(
+        (-w * 0.7, 0.06, 0.17), (w * rng.uniform(-0.2, 0.6), d - 0.06, 0.17 + rng.uniform(0.1, 0.3))
+    )
     return [
         *parts,
         solid(paint((40, 40, 42), rng), *wheels),
@@ -120,17 +145,25 @@ def partition(style: Style, rng: np.random.Generator) -> list[Part]:
     return partition_parts(rng.uniform(0.8, 1.8), rng.uniform(1.2, 1.7), style, rng)
 
 
-def partition_parts(width: float, height: float, style: Style, rng: np.random.Generator) -> list[Part]:
+def partition_parts(
+    width: float, height: float, style: Style, rng: np.random.Generator
+) -> list[Part]:
     """Make a partition of a size, x centred, 4 cm thick."""
     fabric, metal = pick_fabric(style, rng), pick_metal(style, rng)
     w, low = width / 2, rng.choice([0.03, 0.12])
     rim = boxes(
         [(-w, 0.0, low), (-w, 0.0, height - 0.02), (-w, 0.0, low), (w - 0.02, 0.0, low)],
-        [(w, 0.045, low + 0.02), (w, 0.045, height), (-w + 0.02, 0.045, height), (w, 0.045, height)],
+        [
+            (w, 0.045, low + 0.02),
+            (w, 0.045, height),
+            (-w + 0.02, 0.045, height),
+            (w, 0.045, height),
+        ],
     )
     panel = boxes((-w + 0.02, 0.004, low + 0.02), (w - 0.02, 0.041, height - 0.02))
     feet = boxes(
-        [(x - 0.03, -0.12, 0) for x in (-w + 0.12, w - 0.12)], [(x + 0.03, 0.165, 0.02) for x in (-w + 0.12, w - 0.12)]
+        [(x - 0.03, -0.12, 0) for x in (-w + 0.12, w - 0.12)],
+        [(x + 0.03, 0.165, 0.02) for x in (-w + 0.12, w - 0.12)],
     )
     posts = boxes(
         [(x - 0.015, 0.01, 0.02) for x in (-w + 0.12, w - 0.12)],
@@ -145,7 +178,8 @@ def tv_stand(style: Style, rng: np.random.Generator) -> list[Part]:
     width, lift = rng.uniform(1.0, 1.5), rng.uniform(0.95, 1.2)
     screen = [part.moved(y=0.06, z=lift) for part in screen_parts(width, casing, rng)]
     posts = boxes(
-        [(x - 0.02, -0.03, 0.06) for x in (-0.15, 0.15)], [(x + 0.02, 0.01, lift + 0.4) for x in (-0.15, 0.15)]
+        [(x - 0.02, -0.03, 0.06) for x in (-0.15, 0.15)],
+        [(x + 0.02, 0.01, lift + 0.4) for x in (-0.15, 0.15)],
     )
     foot = boxes(
         [(-0.4, -0.3, 0.03), (-0.4, -0.3, 0.03), (0.34, -0.3, 0.03)],

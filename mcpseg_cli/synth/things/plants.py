@@ -20,20 +20,25 @@ def plant(style: Style, rng: np.random.Generator) -> list[Part]:
 def small_plant(style: Style, rng: np.random.Generator) -> list[Part]:
     """Plant for a desk or sill."""
     across, pot = rng.uniform(0.045, 0.09), rng.uniform(0.07, 0.15)
-    return _pot(across, pot, rng) + (_bush, _tuft)[rng.integers(2)](pot * 0.9, pot + rng.uniform(0.12, 0.4), rng)
+    return _pot(across, pot, rng) + (_bush, _tuft)[rng.integers(2)](
+        pot * 0.9, pot + rng.uniform(0.12, 0.4), rng
+    )
 
 
 def _green(rng: np.random.Generator) -> tuple[float, float, float]:
     """Pick a green."""
     red, green, blue = (
-        np.array([(52, 92, 40), (70, 110, 50), (40, 76, 48), (96, 120, 60)][rng.integers(4)]) + rng.normal(0, 8, 3)
+        np.array([(52, 92, 40), (70, 110, 50), (40, 76, 48), (96, 120, 60)][rng.integers(4)])
+        + rng.normal(0, 8, 3)
     ).tolist()
     return red, green, blue
 
 
 def _pot(across: float, height: float, rng: np.random.Generator) -> list[Part]:
     """Make a pot, round or square, with its soil."""
-    material = paint(((160, 92, 66), (228, 226, 220), (60, 60, 64), (120, 110, 100))[rng.integers(4)], rng)
+    material = paint(
+        ((160, 92, 66), (228, 226, 220), (60, 60, 64), (120, 110, 100))[rng.integers(4)], rng
+    )
     soil = paint((60, 46, 36), rng)
     if rng.random() < 0.25:
         a, b = across, across - 0.015
@@ -41,7 +46,10 @@ def _pot(across: float, height: float, rng: np.random.Generator) -> list[Part]:
             [(-a, -a, 0), (-a, -a, 0), (b, -a, 0), (-a, -a, 0), (-a, b, 0)],
             [(a, a, 0.02), (-b, a, height), (a, a, height), (a, -b, height), (a, a, height)],
         )
-        return [solid(material, box), solid(soil, boxes((-b, -b, height * 0.8), (b, b, height * 0.9)))]
+        return [
+            solid(material, box),
+            solid(soil, boxes((-b, -b, height * 0.8), (b, b, height * 0.9))),
+        ]
     rim = across * rng.uniform(1.0, 1.15)
     profile = [
         (0, 0),
@@ -57,7 +65,9 @@ def _pot(across: float, height: float, rng: np.random.Generator) -> list[Part]:
 
 def _directions(count: int, rng: np.random.Generator, rise: tuple[float, float]) -> Points:
     """Return unit vectors around the upright with elevations in a range, (count, 3)."""
-    around = (np.arange(count) + rng.uniform(0, 1.2, count)) * (2 * np.pi / count) + rng.uniform(0, 6)
+    around = (np.arange(count) + rng.uniform(0, 1.2, count)) * (2 * np.pi / count) + rng.uniform(
+        0, 6
+    )
     up = rng.uniform(*rise, count)
     return np.column_stack([np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), np.sin(up)])
 
@@ -73,7 +83,11 @@ def _bush(low: float, high: float, rng: np.random.Generator) -> list[Part]:
             wood,
             *[
                 pipe(
-                    [(0, 0, low - 0.02), (*(tip[:2] * 0.4), low + tip[2] * 0.6), (*tip[:2], low + tip[2])],
+                    [
+                        (0, 0, low - 0.02),
+                        (*(tip[:2] * 0.4), low + tip[2] * 0.6),
+                        (*tip[:2], low + tip[2]),
+                    ],
                     max(0.004, tall * 0.007),
                     4,
                 )
@@ -89,7 +103,10 @@ def _bush(low: float, high: float, rng: np.random.Generator) -> list[Part]:
     tip[:, 2] = np.maximum(tip[:, 2], 0.02)
     halves = count // 2
     return parts + [
-        solid(paint(_green(rng), rng, "foliage", 0.05), leaves(base[part], tip[part], length * 0.55, 0.12))
+        solid(
+            paint(_green(rng), rng, "foliage", 0.05),
+            leaves(base[part], tip[part], length * 0.55, 0.12),
+        )
         for part in (slice(0, halves), slice(halves, count))
     ]
 
@@ -100,10 +117,17 @@ def _tuft(low: float, high: float, rng: np.random.Generator) -> list[Part]:
     heads = int(rng.integers(1, 4))
     for _ in range(heads):
         spot = np.array(
-            [*rng.normal(0, 0.03 + 0.05 * tall * (heads > 1), 2), low + tall * rng.uniform(0.0, 0.6) * (heads > 1)]
+            [
+                *rng.normal(0, 0.03 + 0.05 * tall * (heads > 1), 2),
+                low + tall * rng.uniform(0.0, 0.6) * (heads > 1),
+            ]
         )
         if heads > 1:
-            parts.append(solid(paint((120, 96, 66), rng), pipe([(0, 0, low - 0.02), spot.tolist()], 0.012, 5)))
+            parts.append(
+                solid(
+                    paint((120, 96, 66), rng), pipe([(0, 0, low - 0.02), spot.tolist()], 0.012, 5)
+                )
+            )
         count, length = int(rng.integers(14, 34)), min(0.7 * tall, 0.75)
         way = _directions(count, rng, (0.5, 1.5)) * length * rng.uniform(0.6, 1.0, (count, 1))
         knee = spot + way * 0.7
@@ -136,4 +160,7 @@ def _palm(low: float, high: float, rng: np.random.Generator) -> list[Part]:
             spread = 0.22 * tall * np.sin(np.pi * np.clip(steps[2:] * 1.05, 0, 1)) + 0.02
             tips.append(spine[2:] + sign * side * spread * 0.7 + reach * 0.12 - [0, 0, 0.04])
     fronds = leaves(np.concatenate(bases), np.concatenate(tips), 0.03)
-    return [solid(paint((90, 110, 60), rng), *stems), solid(paint(_green(rng), rng, "foliage", 0.05), fronds)]
+    return [
+        solid(paint((90, 110, 60), rng), *stems),
+        solid(paint(_green(rng), rng, "foliage", 0.05), fronds),
+    ]

@@ -23,7 +23,9 @@ def make_sofa(seats: int, style: Style, rng: np.random.Generator) -> Item:
     """
     fabric = pick_fabric(style, rng)
     if rng.random() < 0.25:
-        fabric = paint(((45, 36, 32), (120, 70, 42), (210, 200, 185))[rng.integers(3)], rng, "leather", 0.05)
+        fabric = paint(
+            ((45, 36, 32), (120, 70, 42), (210, 200, 185))[rng.integers(3)], rng, "leather", 0.05
+        )
     place, arm = rng.uniform(0.55, 0.72), rng.uniform(0.09, 0.24) * (rng.random() < 0.88)
     depth, foot, seat = rng.uniform(0.78, 0.98), rng.uniform(0.03, 0.15), rng.uniform(0.38, 0.46)
     width = seats * place + 2 * arm
@@ -41,14 +43,24 @@ def make_sofa(seats: int, style: Style, rng: np.random.Generator) -> Item:
 def _base(fabric: Material, size: Points, low: float, high: float) -> Part:
     """Make the box under the seats."""
     width, depth, _ = size.tolist()
-    return solid(fabric, cushion((-width / 2 + 0.02, 0.03, low), (width / 2 - 0.02, depth - 0.02, high), 0.08, 0.15))
+    return solid(
+        fabric,
+        cushion((-width / 2 + 0.02, 0.03, low), (width / 2 - 0.02, depth - 0.02, high), 0.08, 0.15),
+    )
 
 
-def _rear(fabric: Material, size: Points, foot: float, arm: float, rng: np.random.Generator) -> Part:
+def _rear(
+    fabric: Material, size: Points, foot: float, arm: float, rng: np.random.Generator
+) -> Part:
     """Make the frame behind the cushions."""
     width, _, height = size.tolist()
     half = width / 2 - arm * 0.8
-    body = cushion((-half, 0, foot), (half, rng.uniform(0.14, 0.2), height - rng.uniform(0.02, 0.12)), 0.12, 0.3)
+    body = cushion(
+        (-half, 0, foot),
+        (half, rng.uniform(0.14, 0.2), height - rng.uniform(0.02, 0.12)),
+        0.12,
+        0.3,
+    )
     return solid(fabric, body)
 
 
@@ -57,15 +69,20 @@ def _feet(style: Style, size: Points, foot: float, rng: np.random.Generator) -> 
     material = pick_wood(style, rng) if rng.random() < 0.5 else pick_metal(style, rng)
     width, depth, _ = size.tolist()
     spots = [(x * (width / 2 - 0.08), y) for x in (-1, 1) for y in (0.1, depth - 0.1)]
-    return [solid(material, slanted((x, y, 0), (x, y, foot + 0.03), (0.045, 0.045))) for x, y in spots]
+    return [
+        solid(material, slanted((x, y, 0), (x, y, foot + 0.03), (0.045, 0.045))) for x, y in spots
+    ]
 
 
-def _arms(fabric: Material, size: Points, foot: float, arm: float, rng: np.random.Generator) -> list[Part]:
+def _arms(
+    fabric: Material, size: Points, foot: float, arm: float, rng: np.random.Generator
+) -> list[Part]:
     """Make the two arms: blocks, rolled or low."""
     width, depth, _ = size.tolist()
     top, round_side = rng.uniform(0.5, 0.66), rng.uniform(0.15, 0.5)
     shapes = [
-        cushion((x, 0.02, foot), (x + arm, depth - 0.01, top), 0.15, round_side) for x in (-width / 2, width / 2 - arm)
+        cushion((x, 0.02, foot), (x + arm, depth - 0.01, top), 0.15, round_side)
+        for x in (-width / 2, width / 2 - arm)
     ]
     return [solid(fabric, shape) for shape in shapes]
 
@@ -81,12 +98,20 @@ def _cushions(
         press = rng.uniform(0, 0.02)
         low, high = (x + 0.004, 0.2, seat - thick), (x + place - 0.004, depth + 0.01, seat - press)
         parts.append(solid(fabric, cushion(low, high, 0.18, 0.4)))
-        rest = cushion((0.01, -back / 2, 0), (place - 0.01, back / 2, height - seat + rng.uniform(0, 0.05)), 0.25, 0.45)
+        rest = cushion(
+            (0.01, -back / 2, 0),
+            (place - 0.01, back / 2, height - seat + rng.uniform(0, 0.05)),
+            0.25,
+            0.45,
+        )
         leaned = shifted(tilted(rest, rng.uniform(0.08, 0.2)), x, 0.17 + back / 2, seat - 0.02)
         parts.append(solid(fabric, leaned))
     if rng.random() < 0.5:
         loose = paint(
-            ((190, 90, 50), (60, 110, 120), (200, 170, 70), (90, 60, 110))[rng.integers(4)], rng, "weave", 0.03
+            ((190, 90, 50), (60, 110, 120), (200, 170, 70), (90, 60, 110))[rng.integers(4)],
+            rng,
+            "weave",
+            0.03,
         )
         pad = tilted(cushion((-0.2, -0.06, 0), (0.2, 0.06, 0.38), 0.45, 0.5), rng.uniform(0.2, 0.4))
         x = rng.choice([-1.0, 1.0]) * (seats * place / 2 - 0.24)
@@ -94,11 +119,15 @@ def _cushions(
     return parts
 
 
-def _chaise(fabric: Material, place: float, size: Points, seat: float, foot: float, rng: np.random.Generator) -> Part:
+def _chaise(
+    fabric: Material, place: float, size: Points, seat: float, foot: float, rng: np.random.Generator
+) -> Part:
     """Make the long end of an L-shaped sofa."""
     depth = float(size[1])
     x = float(size[0]) / 2 * rng.choice([-1.0, 1.0])
     low, high = min(x, x - np.sign(x) * place), max(x, x - np.sign(x) * place)
-    body = cushion((low, depth - 0.02, seat - 0.15), (high, depth + rng.uniform(0.5, 0.7), seat), 0.15, 0.35)
+    body = cushion(
+        (low, depth - 0.02, seat - 0.15), (high, depth + rng.uniform(0.5, 0.7), seat), 0.15, 0.35
+    )
     plinth = boxes([(low + 0.03, depth - 0.02, 0)], [(high - 0.03, depth + 0.45, seat - 0.13)])
     return solid(fabric, body, plinth)

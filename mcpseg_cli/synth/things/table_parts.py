@@ -17,10 +17,14 @@ def frame_material(style: Style, rng: np.random.Generator) -> Material:
 
 def table_top(style: Style, rng: np.random.Generator, outline: Points, height: float) -> Part:
     """Make a table top under a height."""
-    return solid(pick_table_top(style, rng), slab(outline, height - rng.uniform(0.018, 0.038), height))
+    return solid(
+        pick_table_top(style, rng), slab(outline, height - rng.uniform(0.018, 0.038), height)
+    )
 
 
-def post_legs(size: tuple[float, float], height: float, style: Style, rng: np.random.Generator) -> list[Part]:
+def post_legs(
+    size: tuple[float, float], height: float, style: Style, rng: np.random.Generator
+) -> list[Part]:
     """Make four legs under a top about the origin, square or round, with an apron."""
     width, depth = size
     frame, thick, splay = (
@@ -35,12 +39,18 @@ def post_legs(size: tuple[float, float], height: float, style: Style, rng: np.ra
             foot = spot + np.array([x * splay, y * splay, -top])
             parts.append(solid(frame, slanted(foot, spot, (thick, thick))))
     inner, edge = width / 2 - 0.06, depth / 2 - 0.06
-    parts.append(solid(frame, boxes([(-inner, -edge - 0.01, height - 0.09)], [(inner, -edge + 0.01, top)])))
-    parts.append(solid(frame, boxes([(-inner, edge - 0.01, height - 0.07)], [(inner, edge + 0.01, top)])))
+    parts.append(
+        solid(frame, boxes([(-inner, -edge - 0.01, height - 0.09)], [(inner, -edge + 0.01, top)]))
+    )
+    parts.append(
+        solid(frame, boxes([(-inner, edge - 0.01, height - 0.07)], [(inner, edge + 0.01, top)]))
+    )
     return parts
 
 
-def t_legs(size: tuple[float, float], height: float, style: Style, rng: np.random.Generator) -> list[Part]:
+def t_legs(
+    size: tuple[float, float], height: float, style: Style, rng: np.random.Generator
+) -> list[Part]:
     """Make two T or C legs with feet along the depth."""
     width, depth = size
     frame, inset, wide = pick_metal(style, rng), rng.uniform(0.05, 0.25), rng.uniform(0.05, 0.08)
@@ -49,10 +59,18 @@ def t_legs(size: tuple[float, float], height: float, style: Style, rng: np.rando
     for sign in (-1, 1):
         x = sign * (width / 2 - inset)
         low, high = (x - wide / 2, -depth / 2 + 0.03, 0), (x + wide / 2, depth / 2 - 0.06, 0.04)
-        post = boxes([(x - wide / 2, back - 0.04, 0.03)], [(x + wide / 2, back + 0.04, height - 0.03)])
-        arm = boxes([(x - 0.02, -depth / 2 + 0.06, height - 0.06)], [(x + 0.02, depth / 2 - 0.08, height - 0.02)])
+        post = boxes(
+            [(x - wide / 2, back - 0.04, 0.03)], [(x + wide / 2, back + 0.04, height - 0.03)]
+        )
+        arm = boxes(
+            [(x - 0.02, -depth / 2 + 0.06, height - 0.06)],
+            [(x + 0.02, depth / 2 - 0.08, height - 0.02)],
+        )
         parts += [solid(frame, boxes([low], [high])), solid(frame, post), solid(frame, arm)]
-    beam = boxes([(-width / 2 + inset, back - 0.02, height - 0.09)], [(width / 2 - inset, back + 0.02, height - 0.03)])
+    beam = boxes(
+        [(-width / 2 + inset, back - 0.02, height - 0.09)],
+        [(width / 2 - inset, back + 0.02, height - 0.03)],
+    )
     return [*parts, solid(frame, beam)]
 
 
@@ -64,7 +82,9 @@ def panel_legs(size: tuple[float, float], height: float, material: Material) -> 
     return [solid(material, boxes(low, high)) for low, high in zip(lows, highs, strict=True)]
 
 
-def drawers(material: Material, x: float, depth: float, top: float, rng: np.random.Generator) -> list[Part]:
+def drawers(
+    material: Material, x: float, depth: float, top: float, rng: np.random.Generator
+) -> list[Part]:
     """Make drawers under a desk about x, their fronts at the desk's."""
     handle, fronts, wide = paint((170, 170, 172), rng, "metal"), int(rng.integers(2, 5)), 0.41
     front, low = depth / 2 - 0.06, rng.uniform(0.02, 0.08)
@@ -78,7 +98,9 @@ def drawers(material: Material, x: float, depth: float, top: float, rng: np.rand
         [(x - 0.06, front + 0.018, z - 0.05) for z in edges[1:]],
         [(x + 0.06, front + 0.035, z - 0.036) for z in edges[1:]],
     )
-    feet = boxes([(x - wide / 2 + 0.02, -depth / 2 + 0.12, 0)], [(x + wide / 2 - 0.02, front - 0.02, low)])
+    feet = boxes(
+        [(x - wide / 2 + 0.02, -depth / 2 + 0.12, 0)], [(x + wide / 2 - 0.02, front - 0.02, low)]
+    )
     return [solid(material, body, faces, feet), solid(handle, pulls)]
 
 
@@ -87,4 +109,7 @@ def pillar(material: Material, x: float, depth: float, height: float, *, round_:
     if round_:
         return solid(material, rod(min(0.25, depth * 0.2), 0, height - 0.02, x, 0, 16))
     lows = [(x - 0.16, -depth * 0.3, 0), (x - 0.06, -depth * 0.22, 0.04)]
-    return solid(material, boxes(lows, [(x + 0.16, depth * 0.3, 0.05), (x + 0.06, depth * 0.22, height - 0.02)]))
+    return solid(
+        material,
+        boxes(lows, [(x + 0.16, depth * 0.3, 0.05), (x + 0.06, depth * 0.22, height - 0.02)]),
+    )

@@ -64,14 +64,17 @@ def _standing(style: Style, rng: np.random.Generator) -> list[Part]:
         solid(
             box,
             boxes(
-                [(width / 2 - 0.3, depth / 2 - 0.06, height - 0.065)], [(width / 2 - 0.18, depth / 2, height - 0.035)]
+                [(width / 2 - 0.3, depth / 2 - 0.06, height - 0.065)],
+                [(width / 2 - 0.18, depth / 2, height - 0.035)],
             ),
         )
     )
     return parts
 
 
-def _worktop(width: float, depth: float, height: float, style: Style, rng: np.random.Generator) -> list[Part]:
+def _worktop(
+    width: float, depth: float, height: float, style: Style, rng: np.random.Generator
+) -> list[Part]:
     """Make a rectangular desk of a size."""
     size = (width, depth)
     top = table_top(style, rng, rectangle(width, depth, rng.choice([0.0, 0.0, 0.03, 0.1])), height)
@@ -88,14 +91,26 @@ def _worktop(width: float, depth: float, height: float, style: Style, rng: np.ra
         panel = top.material if rng.random() < 0.6 else pick_plastic(style, rng)
         low = rng.uniform(0.2, 0.42)
         y = -depth / 2 + rng.uniform(0.03, 0.1)
-        parts.append(solid(panel, boxes([(-width / 2 + 0.08, y, low)], [(width / 2 - 0.08, y + 0.016, height - 0.03)])))
+        parts.append(
+            solid(
+                panel,
+                boxes(
+                    [(-width / 2 + 0.08, y, low)], [(width / 2 - 0.08, y + 0.016, height - 0.03)]
+                ),
+            )
+        )
     sides = [side for side in (-1, 1) if rng.random() < (0.3 if width < 1.5 else 0.4)]
     material = top.material if rng.random() < 0.5 else pick_plastic(style, rng)
     for side in sides:
-        parts += drawers(material, side * (width / 2 - 0.29), depth, height - rng.uniform(0.04, 0.14), rng)
+        parts += drawers(
+            material, side * (width / 2 - 0.29), depth, height - rng.uniform(0.04, 0.14), rng
+        )
     if rng.random() < 0.3:
         tray = pipe(
-            [(-width / 2 + 0.3, -depth / 2 + 0.2, height - 0.1), (width / 2 - 0.3, -depth / 2 + 0.2, height - 0.1)],
+            [
+                (-width / 2 + 0.3, -depth / 2 + 0.2, height - 0.1),
+                (width / 2 - 0.3, -depth / 2 + 0.2, height - 0.1),
+            ],
             0.035,
             5,
         )
@@ -117,9 +132,18 @@ def _corner(style: Style, rng: np.random.Generator) -> list[Part]:
         (width / 2 - 0.06, -depth / 2 + 0.06),
         (-side * (width / 2 - 0.06), depth / 2 - 0.06),
     ]
-    feet += [(x - wide / 2 + 0.05, long - depth / 2 - 0.05), (x + wide / 2 - 0.05, long - depth / 2 - 0.05)]
-    parts += [solid(frame, boxes((a - 0.025, b - 0.025, 0), (a + 0.025, b + 0.025, height - 0.028))) for a, b in feet]
-    panel = boxes([(-width / 2 + 0.1, -depth / 2 + 0.02, 0.25)], [(width / 2 - 0.1, -depth / 2 + 0.04, height - 0.03)])
+    feet += [
+        (x - wide / 2 + 0.05, long - depth / 2 - 0.05),
+        (x + wide / 2 - 0.05, long - depth / 2 - 0.05),
+    ]
+    parts += [
+        solid(frame, boxes((a - 0.025, b - 0.025, 0), (a + 0.025, b + 0.025, height - 0.028)))
+        for a, b in feet
+    ]
+    panel = boxes(
+        [(-width / 2 + 0.1, -depth / 2 + 0.02, 0.25)],
+        [(width / 2 - 0.1, -depth / 2 + 0.04, height - 0.03)],
+    )
     if rng.random() < 0.5:
         parts.append(solid(top.material, panel))
     if rng.random() < 0.5:
@@ -130,12 +154,16 @@ def _corner(style: Style, rng: np.random.Generator) -> list[Part]:
 def _round(style: Style, rng: np.random.Generator) -> list[Part]:
     """Round or squarish table on a column, a cone or four legs."""
     across, height = rng.uniform(0.7, 1.3), rng.uniform(0.7, 0.77)
-    parts = [table_top(style, rng, ellipse(across, across, 1.0 if rng.random() < 0.75 else 0.3), height)]
+    parts = [
+        table_top(style, rng, ellipse(across, across, 1.0 if rng.random() < 0.75 else 0.3), height)
+    ]
     frame, kind = frame_material(style, rng), rng.random()
     if kind < 0.35:
         reach = across * rng.uniform(0.28, 0.36)
         foot = [(0, 0), (reach, 0), (reach, 0.012), (0.06, 0.035), (0.04, 0.06)]
-        stem = lathe([(0.04, 0.04), (0.04, height - 0.05), (0.15, height - 0.03), (0.15, height - 0.025)], 10)
+        stem = lathe(
+            [(0.04, 0.04), (0.04, height - 0.05), (0.15, height - 0.03), (0.15, height - 0.025)], 10
+        )
         return [*parts, solid(frame, lathe(foot, 18)), solid(frame, stem)]
     if kind < 0.7:
         reach, turn = across * 0.4, rng.uniform(0, 1.5)
@@ -154,14 +182,19 @@ def _round(style: Style, rng: np.random.Generator) -> list[Part]:
             )
             for a in angles
         ]
-        stem = lathe([(0.045, 0.05), (0.035, height - 0.05), (0.16, height - 0.03), (0.16, height - 0.025)], 10)
+        stem = lathe(
+            [(0.045, 0.05), (0.035, height - 0.05), (0.16, height - 0.03), (0.16, height - 0.025)],
+            10,
+        )
         return [*parts, solid(frame, *arms), solid(frame, stem)]
     inner = across * 0.68
     return parts + [
         solid(
             frame,
             slanted(
-                (x * inner / 1.8, y * inner / 1.8, 0), (x * inner / 2.2, y * inner / 2.2, height - 0.02), (0.045, 0.045)
+                (x * inner / 1.8, y * inner / 1.8, 0),
+                (x * inner / 2.2, y * inner / 2.2, height - 0.02),
+                (0.045, 0.045),
             ),
         )
         for x in (-1, 1)
@@ -175,7 +208,9 @@ def _conference(style: Style, rng: np.random.Generator) -> list[Part]:
     return meeting_parts(length, depth, height, style, rng)
 
 
-def meeting_parts(length: float, depth: float, height: float, style: Style, rng: np.random.Generator) -> list[Part]:
+def meeting_parts(
+    length: float, depth: float, height: float, style: Style, rng: np.random.Generator
+) -> list[Part]:
     """Make a meeting table of a size, about the origin."""
     shape = int(rng.integers(4))
     if shape == 0:
@@ -183,7 +218,10 @@ def meeting_parts(length: float, depth: float, height: float, style: Style, rng:
     elif shape == 1:  # boat
         x = np.linspace(-1, 1, 13)
         y = depth / 2 * (1 - rng.uniform(0.1, 0.3) * x**2)
-        outline = np.concatenate([np.column_stack([x, -y]), np.column_stack([x, y])[::-1]]) * [length / 2, 1]
+        outline = np.concatenate([np.column_stack([x, -y]), np.column_stack([x, y])[::-1]]) * [
+            length / 2,
+            1,
+        ]
     else:
         outline = ellipse(length, depth, 1.0 if shape == 2 else rng.uniform(0.3, 0.7), 32)
     parts = [table_top(style, rng, outline, height)]
@@ -203,7 +241,10 @@ def meeting_parts(length: float, depth: float, height: float, style: Style, rng:
 def _trestle(style: Style, rng: np.random.Generator) -> list[Part]:
     """Plain top on two trestles or a folding frame."""
     width, depth, height = rng.uniform(1.3, 2.0), rng.uniform(0.65, 0.9), rng.uniform(0.71, 0.75)
-    frame, parts = frame_material(style, rng), [table_top(style, rng, rectangle(width, depth), height)]
+    frame, parts = (
+        frame_material(style, rng),
+        [table_top(style, rng, rectangle(width, depth), height)],
+    )
     for x in (-width * 0.34, width * 0.34):
         spread = rng.uniform(0.12, 0.2)
         for sign in (-1, 1):
@@ -215,7 +256,13 @@ def _trestle(style: Style, rng: np.random.Generator) -> list[Part]:
             )
             parts.append(solid(frame, slanted(feet, tops, (0.035, 0.035)), bar))
         parts.append(
-            solid(frame, boxes([(x - 0.04, -depth * 0.42, height - 0.08)], [(x + 0.04, depth * 0.42, height - 0.03)]))
+            solid(
+                frame,
+                boxes(
+                    [(x - 0.04, -depth * 0.42, height - 0.08)],
+                    [(x + 0.04, depth * 0.42, height - 0.03)],
+                ),
+            )
         )
     return parts
 
@@ -231,12 +278,15 @@ def _coffee(style: Style, rng: np.random.Generator) -> list[Part]:
         ends = np.column_stack([np.cos(angles) * width, np.sin(angles) * depth]) * 0.4
         tops = np.column_stack([ends * 0.7, np.full(3, height - 0.02)])
         return parts + [
-            solid(frame, slanted((*end, 0), top, (0.035, 0.035))) for end, top in zip(ends.tolist(), tops, strict=True)
+            solid(frame, slanted((*end, 0), top, (0.035, 0.035)))
+            for end, top in zip(ends.tolist(), tops, strict=True)
         ]
     parts = [table_top(style, rng, rectangle(width, depth, rng.choice([0.0, 0.05])), height)]
     parts += post_legs((width, depth), height, style, rng)
     if rng.random() < 0.5:
-        parts.append(solid(parts[0].material, slab(rectangle(width - 0.14, depth - 0.14), 0.12, 0.14)))
+        parts.append(
+            solid(parts[0].material, slab(rectangle(width - 0.14, depth - 0.14), 0.12, 0.14))
+        )
     return parts
 
 
@@ -245,7 +295,9 @@ def _pedestal(style: Style, rng: np.random.Generator) -> list[Part]:
     across, height = rng.uniform(0.55, 0.8), rng.choice([0.73, 1.05]) + rng.uniform(-0.02, 0.03)
     frame = pick_metal(style, rng)
     foot = lathe([(0, 0), (0.25, 0), (0.25, 0.012), (0.05, 0.035)], 18)
-    stem = lathe([(0.035, 0.02), (0.035, height - 0.04), (0.14, height - 0.03), (0.14, height - 0.025)], 10)
+    stem = lathe(
+        [(0.035, 0.02), (0.035, height - 0.04), (0.14, height - 0.03), (0.14, height - 0.025)], 10
+    )
     outline = ellipse(across, across, 1.0 if rng.random() < 0.6 else 0.15)
     return [table_top(style, rng, outline, height), solid(frame, foot), solid(frame, stem)]
 
@@ -256,10 +308,19 @@ def _side(style: Style, rng: np.random.Generator) -> list[Part]:
     if rng.random() < 0.5:
         frame, angles = frame_material(style, rng), np.arange(3) * 2.1 + rng.uniform(0, 2)
         ends = [(np.cos(a) * across * 0.42, np.sin(a) * across * 0.42) for a in angles]
-        legs = [slanted((x, y, 0), (x * 0.7, y * 0.7, height - 0.02), (0.03, 0.03)) for x, y in ends]
-        return [table_top(style, rng, ellipse(across, across, 1.0), height), *(solid(frame, leg) for leg in legs)]
+        legs = [
+            slanted((x, y, 0), (x * 0.7, y * 0.7, height - 0.02), (0.03, 0.03)) for x, y in ends
+        ]
+        return [
+            table_top(style, rng, ellipse(across, across, 1.0), height),
+            *(solid(frame, leg) for leg in legs),
+        ]
     top = table_top(style, rng, rectangle(across, across * 0.9), height)
-    body = slab(rectangle(across - 0.04, across * 0.9 - 0.04), height - rng.uniform(0.14, 0.4), height - 0.02)
+    body = slab(
+        rectangle(across - 0.04, across * 0.9 - 0.04),
+        height - rng.uniform(0.14, 0.4),
+        height - 0.02,
+    )
     return [top, solid(top.material, body), *post_legs((across, across * 0.9), height, style, rng)]
 
 

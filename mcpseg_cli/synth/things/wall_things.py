@@ -21,20 +21,41 @@ def picture(style: Style, rng: np.random.Generator) -> list[Part]:
     w = width / 2
     rim = boxes(
         [(-w, 0, 0), (-w, 0, height - wide), (-w, 0, wide), (w - wide, 0, wide)],
-        [(w, thick, wide), (w, thick, height), (-w + wide, thick, height - wide), (w, thick, height - wide)],
+        [
+            (w, thick, wide),
+            (w, thick, height),
+            (-w + wide, thick, height - wide),
+            (w, thick, height - wide),
+        ],
     )
     frame = pick_wood(style, rng) if rng.random() < 0.5 else dark_or_light(rng)
-    return [solid(frame, rim), solid(face, boxes((-w + wide, 0, wide), (w - wide, thick * 0.5, height - wide)))]
+    return [
+        solid(frame, rim),
+        solid(face, boxes((-w + wide, 0, wide), (w - wide, thick * 0.5, height - wide))),
+    ]
 
 
 def clock(style: Style, rng: np.random.Generator) -> list[Part]:
     """Wall clock."""
     radius = rng.uniform(0.11, 0.19)
     body = tilted(
-        lathe([(0, 0), (radius, 0), (radius, 0.04), (radius * 0.92, 0.045), (radius * 0.9, 0.03), (0, 0.03)], 20),
+        lathe(
+            [
+                (0, 0),
+                (radius, 0),
+                (radius, 0.04),
+                (radius * 0.92, 0.045),
+                (radius * 0.9, 0.03),
+                (0, 0.03),
+            ],
+            20,
+        ),
         -np.pi / 2,
     )
-    hands = [tilted(boxes((-0.005, -0.01, 0.032), (0.005, radius * size, 0.035)), -np.pi / 2) for size in (0.5, 0.75)]
+    hands = [
+        tilted(boxes((-0.005, -0.01, 0.032), (0.005, radius * size, 0.035)), -np.pi / 2)
+        for size in (0.5, 0.75)
+    ]
     return [solid(dark_or_light(rng), body), solid(paint((20, 20, 22), rng), *hands)]
 
 
@@ -51,10 +72,14 @@ def coat_hooks(style: Style, rng: np.random.Generator) -> list[Part]:
     width, metal = rng.uniform(0.4, 1.2), pick_metal(style, rng)
     rail = boxes((-width / 2, 0, 1.0), (width / 2, 0.02, 1.08))
     x = np.linspace(-width / 2 + 0.06, width / 2 - 0.06, max(int(width / 0.18), 2))
-    hooks = [pipe(bend([(a, 0.02, 1.03), (a, 0.07, 1.02), (a, 0.07, 1.06)], 0.02), 0.006, 5) for a in x]
+    hooks = [
+        pipe(bend([(a, 0.02, 1.03), (a, 0.07, 1.02), (a, 0.07, 1.06)], 0.02), 0.006, 5) for a in x
+    ]
     parts = [solid(pick_wood(style, rng), rail), solid(metal, *hooks)]
     for a in x[rng.random(len(x)) < 0.5]:
-        angle, down = np.meshgrid(np.linspace(0, 2 * np.pi, 13), np.linspace(0, 1, 6), indexing="ij")
+        angle, down = np.meshgrid(
+            np.linspace(0, 2 * np.pi, 13), np.linspace(0, 1, 6), indexing="ij"
+        )
         drop, fold = rng.uniform(0.6, 1.0), 1 + 0.15 * np.sin(4 * angle + rng.uniform(0, 6)) * down
         wide = (0.03 + 0.1 * np.minimum(1, 4 * down) + 0.03 * down) * fold
         grid = np.stack(
@@ -82,7 +107,8 @@ def cable_run(style: Style, rng: np.random.Generator) -> list[Part]:
     """Cable duct up a wall with a socket."""
     height, x = rng.uniform(0.8, 2.0), rng.uniform(-0.3, 0.3)
     duct = boxes(
-        [(-0.02, 0, 0), (min(x, -0.02), 0, height - 0.04)], [(0.02, 0.025, height), (max(x, 0.02), 0.025, height)]
+        [(-0.02, 0, 0), (min(x, -0.02), 0, height - 0.04)],
+        [(0.02, 0.025, height), (max(x, 0.02), 0.025, height)],
     )
     socket = boxes((x - 0.04, 0, height - 0.06), (x + 0.04, 0.03, height + 0.02))
     return [solid(paint((228, 227, 222), rng), duct, socket)]
@@ -94,7 +120,10 @@ def mirror(style: Style, rng: np.random.Generator) -> list[Part]:
     face = boxes((-w, 0.006, 0), (w, 0.012, h))
     return [
         solid(paint((196, 206, 210), rng, "glass"), face),
-        solid(paint((160, 160, 162), rng, "metal"), boxes((-w * 0.9, 0, 0.02), (w * 0.9, 0.006, h - 0.02))),
+        solid(
+            paint((160, 160, 162), rng, "metal"),
+            boxes((-w * 0.9, 0, 0.02), (w * 0.9, 0.006, h - 0.02)),
+        ),
     ]
 
 

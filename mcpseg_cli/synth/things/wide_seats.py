@@ -25,22 +25,47 @@ def armchair(style: Style, rng: np.random.Generator) -> list[Part]:
         lift = foot + (rise + (top - rise) * np.cos(angle / 2.3 * np.pi / 2) - foot) * up
         bulge = 1 + 0.06 * up
         bowl = np.stack(
-            [np.sin(angle) * (width / 2 - 0.05) * bulge, -np.cos(angle) * (depth / 2 - 0.05) * bulge, lift], -1
+            [
+                np.sin(angle) * (width / 2 - 0.05) * bulge,
+                -np.cos(angle) * (depth / 2 - 0.05) * bulge,
+                lift,
+            ],
+            -1,
         )
         parts += [solid(fabric, shell(piece, 0.08)) for piece in (bowl[:6], bowl[5:10], bowl[9:])]
         radius = width / 2 - 0.09
         parts.append(
-            solid(fabric, cushion((-radius, -depth / 2 + 0.1, foot), (radius, depth / 2 - 0.02, seat), 0.8, 0.3))
+            solid(
+                fabric,
+                cushion(
+                    (-radius, -depth / 2 + 0.1, foot), (radius, depth / 2 - 0.02, seat), 0.8, 0.3
+                ),
+            )
         )
         return parts
     inner = width / 2 - arm
-    parts.append(solid(fabric, cushion((-inner, -depth / 2 + 0.1, foot + 0.1), (inner, depth / 2, seat), 0.2, 0.35)))
-    parts.append(solid(fabric, boxes([(-inner, -depth / 2 + 0.05, foot)], [(inner, depth / 2 - 0.03, foot + 0.12)])))
+    parts.append(
+        solid(
+            fabric,
+            cushion((-inner, -depth / 2 + 0.1, foot + 0.1), (inner, depth / 2, seat), 0.2, 0.35),
+        )
+    )
+    parts.append(
+        solid(
+            fabric,
+            boxes([(-inner, -depth / 2 + 0.05, foot)], [(inner, depth / 2 - 0.03, foot + 0.12)]),
+        )
+    )
     slope = tilted(cushion((-inner, -0.08, 0), (inner, 0.09, top - foot), 0.25, 0.3), 0.12)
     parts.append(solid(fabric, shifted(slope, 0, -depth / 2 + 0.08, foot)))
     for x in (-width / 2, width / 2 - arm):
         parts.append(
-            solid(fabric, cushion((x, -depth / 2 + 0.02, foot), (x + arm, depth / 2 - 0.02, rise), 0.25, 0.35))
+            solid(
+                fabric,
+                cushion(
+                    (x, -depth / 2 + 0.02, foot), (x + arm, depth / 2 - 0.02, rise), 0.25, 0.35
+                ),
+            )
         )
     return parts
 
@@ -50,7 +75,10 @@ def _feet(width: float, depth: float, height: float, rng: np.random.Generator) -
     splay = rng.uniform(0, 0.03)
     spots = [(x, y) for x in (-1, 1) for y in (-1, 1)]
     tops = [(x * width / 2, y * depth / 2, height + 0.02) for x, y in spots]
-    return [slanted((x + np.sign(x) * splay, y + np.sign(y) * splay, 0), (x, y, z), (0.035, 0.035)) for x, y, z in tops]
+    return [
+        slanted((x + np.sign(x) * splay, y + np.sign(y) * splay, 0), (x, y, z), (0.035, 0.035))
+        for x, y, z in tops
+    ]
 
 
 def bench(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -61,7 +89,10 @@ def bench(style: Style, rng: np.random.Generator) -> list[Part]:
         planks = np.linspace(-depth / 2, depth / 2, int(rng.integers(2, 6)))
         lows = [(-length / 2, y, 0.41) for y in planks[:-1] + 0.005]
         highs = [(length / 2, y, 0.45) for y in planks[1:] - 0.005]
-        return [solid(wood, boxes(lows, highs)), *four_legs(length - 0.2, depth, 0.41, 0.0, 0.05, frame)]
+        return [
+            solid(wood, boxes(lows, highs)),
+            *four_legs(length - 0.2, depth, 0.41, 0.0, 0.05, frame),
+        ]
     count, shade, parts = int(rng.integers(2, 5)), pick_plastic(style, rng), []
     for number in range(count):
         seat = shell_seat(shade, 0.46, 0.44, np.random.default_rng(int(style.tidiness * 100) + 3))
@@ -72,7 +103,10 @@ def bench(style: Style, rng: np.random.Generator) -> list[Part]:
         parts.append(
             solid(
                 frame,
-                boxes([(x - 0.025, -0.25, 0), (x - 0.02, -0.02, 0)], [(x + 0.025, 0.25, 0.03), (x + 0.02, 0.02, 0.35)]),
+                boxes(
+                    [(x - 0.025, -0.25, 0), (x - 0.02, -0.02, 0)],
+                    [(x + 0.025, 0.25, 0.03), (x + 0.02, 0.02, 0.35)],
+                ),
             )
         )
     return parts

@@ -1,0 +1,87 @@
+"""Class tables that users give, and the classes a network is trained for."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
+from mcpseg_cli.errors import InputError
+
+_IGNORED = ("", "unknown", "-")  # names in a class table for labels that no class is trained for
+
+
+def read_class_table(path: Path) -> dict[str, str]:
+    """Read which label of the data means which trained class.
+
+    Args:
+        path: CSV with two columns, label and class, a header ``label,class`` optional; or JSON, one object. A class
+            that is empty, ``unknown`` or ``-`` drops the label, as if it were not in the table.
+
+    Returns:
+        Class by label.
+
+    Raises:
+        InputError: Another layout, a label given twice, too few or too many classes, or a name that breaks headers.
+        OSError: The file cannot be opened.
+    """
+    remedy = "see 'mcpseg train --help'"
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        pairs = _json_pairs(text) if path.suffix.lower() == ".json" else _csv_pairs(text)
+    except (ValueError, csv.Error) as error:
+        expected = "lines 'label,class', or one JSON object of texts"
+        raise InputError(path, str(error) or "another layout", expected, remedy) from error
+    table = {label: name for label, name in pairs if name.lower() not in _IGNORED}
+    if len({label for label, _ in pairs}) < len(pairs):
+        twice = next(label for label, _ in pairs if sum(label == other for other, _ in pairs) > 1)
+        raise InputError(path, f"label {twice!r} twice", "every label once", "delete one")
+    if len(set(table.values())) < 2:
+        raise InputError(path, f"{len(set(table.values()))} classes", "two or more", remedy)
+    if problem := table_problem(sorted(set(table.values()))):
+        raise InputError(path, problem, TABLE_EXPECTED, "rename or merge classes")
+    return table
+
+
+def _json_pairs(text: str) -> list[tuple[str, str]]:
+    document = json.loads(text, object_pairs_hook=tuple)  # keeps labels that are given twice
+    if not isinstance(document, tuple) or not all(
+        isinstance(name, str) for pair in document for name in pair
+    ):
+        raise ValueError("values that are not texts")
+    return [(label.strip(), name.strip()) for label, name in document]
+
+
+def _csv_pairs(text: str) -> list[tuple[str, str]]:
+    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines()) if row]
+    rows = [row for row in rows if any(row) and not row[0].startswith("#")]
+    if any(len(row) != 2 for row in rows):
+        line = next(row for row in rows if len(row) != 2)
+        raise ValueError(f"{len(line)} columns in {','.join(line)!r}")
+    if rows and [cell.lower() for cell in rows[0]] == ["label", "class"]:
+        rows = rows[1:]
+    return [(label, name) for label, name in rows]
+
+
+def trained_classes(
+    tables: Sequence[Sequence[str]], mapping: Mapping[str, str] | None
+) -> tuple[str, ...]:
+    """List the classes to train: those of the class table, else all that the areas have, in order of appearance.
+
+    Args:
+        tables: Class names of each area.
+        mapping: From ``read_class_table``.
+
+    Raises:
+        InputError: The areas have too many classes, or one whose name cannot be used.
+    """
+    if mapping is not None:
+        return tuple(dict.fromkeys(mapping.values()))
+    classes = tuple(dict.fromkeys(name for table in tables for name in table))
+    if problem := table_problem(classes):
+        raise InputError(
+            "class tables of the data", problem, TABLE_EXPECTED, "choose classes with --classes"
+        )
+    return classes
