@@ -13,11 +13,11 @@ from mcpseg_cli.config import RegionGrowingSettings
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats import write_cloud
 from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import Weights
-from mcpseg_cli.scan import colour_of, near_robot
 from mcpseg_cli.segment.events import describe_scan
 from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
@@ -78,17 +78,18 @@ class OfflineRun(SegmentRun):
             InputError: A scan cannot be read and ``on_error`` is ``stop``; nothing is kept.
             OutputError: The disk is full; nothing is kept.
         """
-        voxel_map = VoxelMap(self.segmenter.settings.voxel_size)
+        settings = self.segmenter.settings
+        growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
         scans: list[_ReadScan] = []
         for source in self.pending:
             if should_stop():
                 return
-            scans.append(self._read(len(scans), source, voxel_map))
+            scans.append(self._read(len(scans), source, growing_map))
         if not scans:
             return
         self._is_committed = False
         started = perf_counter()
-        floor = self._label(voxel_map, scans)
+        floor = self._label(growing_map.voxels, scans)
         share_ms = 1e3 * (perf_counter() - started) / len(scans)
         records, reports = [], []
         try:
@@ -107,21 +108,21 @@ class OfflineRun(SegmentRun):
             self._append_event(record.event, report.update.ms if report.update else None)
         yield from reports
 
-    def _read(self, number: int, source: ScanFile, voxel_map: VoxelMap) -> _ReadScan:
+    def _read(self, number: int, source: ScanFile, growing_map: GrowingMap) -> _ReadScan:
         """Add a scan's points in range to the cloud."""
-        before, started = len(voxel_map), perf_counter()
+        voxels, started = growing_map.voxels, perf_counter()
+        before = len(voxels)
         try:
             record = fingerprint(source)
-            scan, cloud = read_scan(source, self._options.frame, voxel_map.voxel_size)
+            scan, cloud = read_scan(source, self._options.frame, voxels.voxel_size)
         except (InputError, OSError) as error:
             if self._options.on_error != "skip":
                 raise
             record = skipped_scan(number, source, error, before, None)
         else:
-            near = near_robot(scan, self.segmenter.settings.local_range)
-            voxel_map.insert(scan.xyz[near], colour_of(scan, near))
-            record = replace(record, num_points=len(cloud), num_voxels=len(voxel_map))
-        return _ReadScan(source, record, len(voxel_map) - before, 1e3 * (perf_counter() - started))
+            growing_map.observe(scan)
+            record = replace(record, num_points=len(cloud), num_voxels=len(voxels))
+        return _ReadScan(source, record, len(voxels) - before, 1e3 * (perf_counter() - started))
 
     def _label(self, voxel_map: VoxelMap, scans: list[_ReadScan]) -> float | None:
         """Label the cloud and hand it to the segmenter; return the height of the floor."""
