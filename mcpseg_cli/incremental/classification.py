@@ -1,4 +1,4 @@
-"""Label voxels seen for the first time: by a network over batches of them (III-B), or by region growing (table II)."""
+"""Incremental point classification (III-B): a network over batches of the voxels seen first."""
 
 from __future__ import annotations
 
@@ -48,12 +48,15 @@ class NetworkClassifier:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
+        # what every method says of itself
         self.name: str = weights.info.architecture
         self.weights = weights
         self.settings = _complete(settings, weights.network)
         self.classes = weights.info.classes
         self.similarity = self.settings.similarity if weights.network.has_embedding else SIMILARITY
         self.precision = resolve_precision(precision, device)
+
+        # a network of its own, and who runs it
         self._device = find_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(self.precision)
@@ -73,24 +76,19 @@ class NetworkClassifier:
         floor: float,
         rng: np.random.Generator,
     ) -> VoxelLabels:
-        """Run the network over voxels in shuffled batches.
-
-        Args:
-            voxel_map: The map; context comes from all of it.
-            ids: (M,) int32 voxels to label.
-            position: (3,) float64 what the network takes for the robot's position, metres, map
-                frame.
-            floor: Height of the floor, metres, map frame.
-            rng: Decides the batches and the context points.
-        """
+        """Run the network over voxels in shuffled batches; see ``SegmentationMethod``."""
         embedding = np.empty((len(ids), EMBEDDING), np.float32)
         semantic, confidence = np.empty(len(ids), np.uint8), np.empty(len(ids), np.float32)
+
+        # the last chunk takes what is left too: its last batch is filled up from it
         order = rng.permutation(len(ids))
         chunk = _CHUNK_BATCHES * self.settings.batch_size
-        # The last chunk takes what is left too: its last batch is filled up from it.
         ends = list(range(chunk, len(ids) - chunk + 1, chunk))
+        chunks = np.split(order, ends) if len(ids) else []
+
+        # recombine the output of all batches
         with one_thread_per_operation():
-            for rows in np.split(order, ends) if len(ids) else []:
+            for rows in chunks:
                 unit, logits = self._run_batches(voxel_map, ids[rows], position, floor, rng)
                 probability, best = torch.softmax(logits, dim=1).max(dim=1)
                 semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
@@ -106,17 +104,7 @@ class NetworkClassifier:
         embedding: NDArray[np.int16],
         known: NDArray[np.int16],
     ) -> NDArray[np.int32]:
-        """Give the neighbours that new voxels may connect to (III-C): all; how similar they are decides.
-
-        Args:
-            voxel_map: The map.
-            new: (M,) int32 the new voxels, the map's last.
-            embedding: (M, E) int16 of the new voxels.
-            known: (V - M, E) int16 of those before.
-
-        Returns:
-            (M, 26) int32 voxel ids, -1 for none.
-        """
+        """Give all neighbours: how similar they are decides; see ``SegmentationMethod``."""
         return voxel_map.neighbours(new)
 
     @torch.inference_mode()
@@ -128,26 +116,30 @@ class NetworkClassifier:
         floor: float,
         rng: np.random.Generator,
     ) -> tuple[torch.Tensor | None, torch.Tensor]:
-        """Label voxels in batches of N, the last one filled up by sampling with replacement (III-B)."""
+        """Embed and classify voxels in batches of N (III-B)."""
+        # normalise, retrieve context
         xyz, rgb, size = voxel_map.xyz[ids], voxel_map.rgb[ids], self.settings.batch_size
         centre = torch.from_numpy(network_input(xyz, rgb, position, floor)).to(self._device)
         pooled = self._pool_context(voxel_map, ids, rng) if self._network.needs_context else None
+
+        # the last batch is sampled with replacement; a single one would be filled from itself,
+        # which changes no maximum
         rows = torch.arange(len(ids))
-        if len(ids) > size:  # a single batch would be filled from itself, which changes no maximum
-            rows = torch.cat(
-                [rows, torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))]
-            )
+        if len(ids) > size:
+            filling = torch.from_numpy(rng.integers(len(ids), size=-len(ids) % size))
+            rows = torch.cat([rows, filling])
         batches = torch.split(rows.to(self._device), size)
+
+        # the workers share the batches
         contexts = [None if pooled is None else pooled[batch] for batch in batches]
-        outputs = list(
-            self._workers.map(self._label_batch, [centre[batch] for batch in batches], contexts)
-        )
+        centres = [centre[batch] for batch in batches]
+        outputs = list(self._workers.map(self._run_batch, centres, contexts))
         units = [embedding for embedding, _ in outputs if embedding is not None]
         unit = torch.cat(units)[: len(ids)] if units else None
         return unit, torch.cat([logits for _, logits in outputs])[: len(ids)]
 
     @torch.inference_mode()
-    def _label_batch(
+    def _run_batch(
         self, centre: torch.Tensor, pooled: torch.Tensor | None
     ) -> tuple[torch.Tensor | None, torch.Tensor]:
         return self._network.label(centre, pooled)
@@ -162,15 +154,15 @@ class NetworkClassifier:
         labels.
         """
         uniform = rng.random((len(ids), self.weights.info.num_context), np.float32)
-        num_tiles = (
-            min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids))
-            if self._device.type == "cpu"
-            else 1
-        )
-        maps = [voxel_map] * num_tiles
+
+        # an even number of tiles, for two cores; all at once on a GPU
+        num_tiles = 1
+        if self._device.type == "cpu":
+            num_tiles = min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids))
+
         tiles = self._workers.map(
             self._pool_tile,
-            maps,
+            [voxel_map] * num_tiles,
             np.array_split(ids, num_tiles),
             np.array_split(uniform, num_tiles),
         )

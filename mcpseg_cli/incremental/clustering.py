@@ -1,4 +1,7 @@
-"""Agglomerative clustering (III-C): similar neighbours join; clusters seed, grow and merge, the lowest id survives."""
+"""Incremental clustering (III-C): similar neighbours join; clusters seed, grow and merge.
+
+The lowest object id survives a merge.
+"""
 
 from __future__ import annotations
 
@@ -36,12 +39,12 @@ class Clusters:
 
     @property
     def instance(self) -> NDArray[np.int32]:
-        """(V,) int32 object id of every voxel as known now. A view, valid until the next ``add``."""
+        """(V,) int32 object id of every voxel as known now: a view, until the next ``add``."""
         return self._instance.rows
 
     @property
     def embedding(self) -> NDArray[np.int16]:
-        """(V, E) int16: unit embeddings as fractions of 32767. A view, valid until the next ``add``."""
+        """(V, E) int16 unit embeddings, as fractions of 32767: a view, until the next ``add``."""
         return self._embedding.rows
 
     def add(
@@ -59,16 +62,22 @@ class Clusters:
             (Q,) int32 ids of earlier voxels whose object id changed, ascending.
         """
         start, num_known = len(self.instance), len(self._survivor.rows)
+
+        # connect similar neighbours
         self._embedding.append(embedding)
         self._survivor.append(np.arange(num_known, num_known + len(embedding), dtype=np.int32))
         joined, removed = _connect(
             neighbours, self.embedding, self._threshold, self.instance, self._survivor.rows
         )
+
+        # number new objects
         instance, num_objects = _number_new(joined, num_known, self._survivor.rows)
         self._survivor.truncate(num_known)
         self._add_objects(num_objects)
         self._instance.append(instance)
         self._next_member.append(np.full(len(instance), _NONE, np.int32))
+
+        # merge connected clusters
         lists = (self._next_member.rows, self._first_member.rows, self._last_member.rows)
         removed = np.sort(removed[removed < num_known])
         self.num_objects -= len(removed)
@@ -98,13 +107,8 @@ class Clusters:
         self._survivor.rows[merges[:, 0]] = merges[:, 1]
         self.num_objects -= len(merges)
         self.instance[:] = resolve(self.instance, self._survivor.rows)
-        _append_members(
-            0,
-            self.instance,
-            self._next_member.rows,
-            self._first_member.rows,
-            self._last_member.rows,
-        )
+        lists = (self._next_member.rows, self._first_member.rows, self._last_member.rows)
+        _append_members(0, self.instance, *lists)
 
     def _add_objects(self, count: int) -> None:
         """Give out the next ``count`` object ids."""
@@ -135,7 +139,7 @@ def dequantise(embedding: NDArray[np.int16]) -> NDArray[np.float32]:
 
 
 def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Stand in for the embedding of networks that have none, so that neighbours of one class connect (IV-B).
+    """Stand in for the embedding of a network that has none: neighbours of one class connect (IV-B).
 
     Args:
         semantic: (M,) uint8 class index.
@@ -193,26 +197,30 @@ def _connect(
     instance: NDArray[np.int32],
     parent: NDArray[np.int32],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Join each new voxel with its similar neighbours; the last ids of ``parent``, one a voxel, are provisional."""
+    """Join each new voxel with its similar neighbours.
+
+    The last ids of ``parent``, one a voxel, are provisional.
+    """
     joined = np.empty(neighbours.shape[0], np.int32)
     removed = np.empty(neighbours.size, np.int32)
     start, num_removed, next_id = instance.size, 0, parent.size - neighbours.shape[0]
     for i in range(neighbours.shape[0]):
         node = _NONE
         for other in neighbours[i]:
-            if (
-                other == _NONE
-                or other >= start + i
-                or not _is_similar(embedding[start + i], embedding[other], threshold)
-            ):
+            is_known = other != _NONE and other < start + i
+            if not is_known or not _is_similar(embedding[start + i], embedding[other], threshold):
                 continue
             found = _root(parent, instance[other] if other < start else joined[other - start])
-            if node != _NONE and node != found:  # connections to several clusters: merge
+
+            # connections to several clusters: merge; to one: join
+            if node != _NONE and node != found:
                 removed[num_removed] = max(node, found)
                 parent[max(node, found)] = min(node, found)
                 num_removed += 1
             node = found if node == _NONE else min(node, found)
-        if node == _NONE:  # no connections: seed
+
+        # no connections: seed
+        if node == _NONE:
             node = next_id
             next_id += 1
         joined[i] = node
@@ -223,12 +231,14 @@ def _connect(
 def _number_new(
     joined: NDArray[np.int32], num_known: int, parent: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], int]:
-    """Replace provisional ids by survivors, new objects numbered without gaps in the order of their first voxels."""
+    """Replace provisional ids by survivors; new objects get the next ids, by their first voxels."""
     number = np.zeros(joined.size, np.int32)  # of each provisional id, once given
     num_objects = 0
     instance = np.empty(joined.size, np.int32)
     for i in range(joined.size):
         root = _root(parent, joined[i])
+
+        # a new object gets its number with its first voxel
         if root >= num_known:
             if number[root - num_known] == 0:
                 number[root - num_known] = num_known + num_objects
@@ -250,11 +260,15 @@ def _merge_members(
     changed = []
     for row in range(merges.shape[0]):
         old, new = merges[row, 0], merges[row, 1]
+
+        # relabel every member
         voxel = first_member[old]
         while voxel != _NONE:
             instance[voxel] = new
             changed.append(voxel)
             voxel = next_member[voxel]
+
+        # join the two lists
         next_member[last_member[new]] = first_member[old]
         last_member[new] = last_member[old]
         first_member[old] = last_member[old] = _NONE

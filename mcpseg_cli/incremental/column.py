@@ -7,14 +7,16 @@ from numpy.typing import NDArray
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
-
 RESERVED_ROWS = 1 << 22
-"""Rows asked for at first. Memory is given by the page on first touch, so that unused rows cost nothing and a map does
-not stop to copy itself until it has four million voxels; from there on capacity doubles."""
+"""Rows asked for at first; from there on capacity doubles.
+
+Memory is given by the page on first touch, so that unused rows cost nothing and a map does not stop
+to copy itself until it has four million voxels.
+"""
 
 
 class Column(Generic[ScalarT]):
-    """Rows that are appended; an append costs O(rows appended), on average even while capacity doubles.
+    """Rows that are appended; an append costs O(rows appended), on average.
 
     Args:
         dtype: Type of an element.
@@ -34,9 +36,8 @@ class Column(Generic[ScalarT]):
         """Copy rows to the end."""
         end = self._count + len(rows)
         if end > len(self._data):
-            grown = np.empty(
-                (max(end, 2 * len(self._data)), *self._data.shape[1:]), self._data.dtype
-            )
+            capacity = max(end, 2 * len(self._data))
+            grown = np.empty((capacity, *self._data.shape[1:]), self._data.dtype)
             grown[: self._count] = self.rows
             self._data = grown
         self._data[self._count : end] = rows

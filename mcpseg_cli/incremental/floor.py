@@ -1,4 +1,4 @@
-"""The height of the floor, from the map around the robot (III-B: "the z-coordinate is zero at the floor level").
+"""The height of the floor (III-B: "the z-coordinate is zero at the floor level").
 
 The lowest point of a scan is the floor only for a scanner that sees the whole sphere and no stray
 point below it. The map around the robot remembers a floor that this scan does not see.
@@ -15,11 +15,7 @@ _RADIUS = 2.0  # metres around the robot in which to look
 _BELOW = 3.0  # the floor is at most this far below the sensor, metres
 _ABOVE = 0.15  # ... or this far above the pose, for poses given at the robot's foot
 _FLAT_NEIGHBOURS = 6  # of 8 beside a voxel, a layer up or down allowed
-_CLEAR_LAYERS = (
-    2,
-    3,
-    4,
-)  # above a floor there is nothing; above a voxel of a thick wall there is wall
+_CLEAR_LAYERS = (2, 3, 4)  # nothing is above a floor; above a voxel of a thick wall is wall
 _MIN_AREA = 0.2  # square metres of flat voxels that make a floor
 _MIN_SHARE = 0.2  # ... and their share of the largest flat layer
 
@@ -36,17 +32,21 @@ def floor_height(voxel_map: VoxelMap, position: NDArray[np.float64]) -> float | 
         surface there.
     """
     size = voxel_map.voxel_size
-    low, high = voxel_of(
-        position + np.array([[-_RADIUS, -_RADIUS, -_BELOW], [_RADIUS, _RADIUS, _ABOVE]]), size
-    )
+
+    # the map around the robot
+    corners = np.array([[-_RADIUS, -_RADIUS, -_BELOW], [_RADIUS, _RADIUS, _ABOVE]])
+    low, high = voxel_of(position + corners, size)
     shape = high - low + 1
     ids = voxel_map.occupancy(low, (int(shape[0]), int(shape[1]), int(shape[2])))
     flat = _flat(ids >= 0)
+
+    # a floor at a voxel border is split between two layers
     area = flat.sum(axis=(0, 1))
-    area[:-1] += area[1:]  # a floor at a voxel border is split between two layers
-    wide = np.flatnonzero(
-        (area * size**2 >= _MIN_AREA) & (area >= _MIN_SHARE * area.max(initial=0))
-    )
+    area[:-1] += area[1:]
+
+    # the lowest of the large surfaces
+    is_wide = (area * size**2 >= _MIN_AREA) & (area >= _MIN_SHARE * area.max(initial=0))
+    wide = np.flatnonzero(is_wide)
     if len(wide) == 0:
         return None
     layers = slice(wide[0], wide[0] + 2)
@@ -60,7 +60,9 @@ def find_floor(
     near_xyz: NDArray[np.float32],
     last: float | None,
 ) -> float:
-    """Apply a floor setting; where the map shows no floor, the last one holds, else the scan's lowest point.
+    """Apply a floor setting.
+
+    Where the map shows no floor, the last one holds, else the scan's lowest point.
 
     Args:
         rule: The setting: from the map around the robot, the scan's lowest point, or a height.
@@ -74,20 +76,28 @@ def find_floor(
     """
     if isinstance(rule, float):
         return rule
-    found = floor_height(voxel_map, position) if rule == "map" else None
-    if found is None and rule == "map":
-        found = last
-    return float(near_xyz[:, 2].min()) if found is None else found
+
+    # the floor remembered, where the map shows none
+    if rule == "map":
+        found = floor_height(voxel_map, position)
+        found = last if found is None else found
+        if found is not None:
+            return found
+
+    return float(near_xyz[:, 2].min())
 
 
 def _flat(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the voxels with most horizontal neighbours occupied and nothing above; (X, Y, Z) in and out."""
+    """Mark voxels with most neighbours beside them occupied and nothing above; (X, Y, Z)."""
     thick = occupied.copy()
     thick[:, :, 1:] |= occupied[:, :, :-1]
     thick[:, :, :-1] |= occupied[:, :, 1:]
+
+    # occupied neighbours of each voxel, itself not among them
     thick = np.pad(thick.view(np.uint8), ((1, 1), (1, 1), (0, 0)))
     rows = thick[:-2] + thick[1:-1] + thick[2:]
     beside: NDArray[np.uint8] = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:] - thick[1:-1, 1:-1]
+
     flat = occupied & (beside >= _FLAT_NEIGHBOURS)
     for layer in _CLEAR_LAYERS:
         flat[:, :, :-layer] &= ~occupied[:, :, layer:]

@@ -1,4 +1,4 @@
-"""The look-up table as a robot fills it (III-B, III-E): points near the robot go in, and the floor is found."""
+"""The look-up table as a robot fills it (III-B, III-E): points near it go in, the floor is found."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Observation:
 
 
 class GrowingMap:
-    """A voxel map that is fed one scan at a time. Segmentation and the samples of training see the same.
+    """A voxel map that is fed one scan at a time; what segmentation sees, training sees.
 
     Args:
         voxel_size: Edge of a voxel, metres.
@@ -86,7 +86,7 @@ class GrowingMap:
         return Observation(point_ids, first_new, new, seen_again, self.floor, clock.ms)
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
-        """Return (N,) int32: the voxel of every point of a scan observed before, -1 for points out of range."""
+        """Return (N,) int32: voxel of each point of a scan observed before, -1 out of range."""
         near = near_robot(scan, self._local_range)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
         point_ids[near] = self.voxels.find(scan.xyz[near])

@@ -38,7 +38,7 @@ class SegmentationMethod(Protocol):
         """The weights it labels with; None for a method that learns nothing."""
 
     def configuration(self) -> dict[str, object]:
-        """Record which method decides the labels, beside ``settings`` and ``precision``; as JSON has it."""
+        """Record what decides the labels beside ``settings`` and ``precision``, as JSON has it."""
 
     def classify(
         self,
@@ -96,8 +96,12 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
                 weights, "weights for region growing", "none, it learns nothing", "leave -w out"
             )
         return RegionGrowingSettings()
+
+    # whatever network the weights are of
     if method is None:
         return load_weights(find_weights(weights or DEFAULT_WEIGHTS))
+
+    # this network, and no other
     try:
         loaded = load_weights(find_weights(weights or method))
     except WeightsError as error:

@@ -57,28 +57,35 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
     ids, starts, counts = np.unique(rows.instance[order], return_index=True, return_counts=True)
     if len(ids) == 0:
         return []
+
+    # voxels in the order of their objects
     xyz = rows.xyz[order].astype(np.float64)
     semantic = rows.semantic[order]
     owner = np.repeat(np.arange(len(ids)), counts)
+
+    # class by vote, confidence of those who voted for it
     voted = _vote(semantic, owner, len(ids))
     agrees = semantic == voted[owner]
     confidence = np.bincount(owner, rows.confidence[order] * agrees) / np.bincount(owner, agrees)
+
+    # place, upright box, oriented box
     centroid = np.add.reduceat(xyz, starts) / counts[:, None]
     low, high = np.minimum.reduceat(xyz, starts), np.maximum.reduceat(xyz, starts)
     centre, size, yaw_deg = _oriented_boxes(xyz[:, :2], starts, counts)
     height = np.stack([(low[:, 2] + high[:, 2]) / 2, high[:, 2] - low[:, 2]])
+
     return [
         MapObject(
-            int(ids[i]),
-            _name(classes, voted[i]),
-            round(float(confidence[i]), 4),
-            int(counts[i]),
-            _rounded(centroid[i]),
-            _rounded(low[i]),
-            _rounded(high[i]),
-            _rounded([*centre[i], height[0, i]]),
-            _rounded([*size[i], height[1, i]]),
-            float(yaw_deg[i]),
+            id=int(ids[i]),
+            class_name=_name(classes, voted[i]),
+            confidence=round(float(confidence[i]), 4),
+            num_points=int(counts[i]),
+            centroid=_rounded(centroid[i]),
+            aabb_min=_rounded(low[i]),
+            aabb_max=_rounded(high[i]),
+            obb_centre=_rounded([*centre[i], height[0, i]]),
+            obb_size=_rounded([*size[i], height[1, i]]),
+            obb_yaw_deg=float(yaw_deg[i]),
         )
         for i in range(len(ids))
     ]
@@ -89,9 +96,8 @@ def _vote(
 ) -> NDArray[np.int64]:
     """Find the most frequent class of each object without a table of objects times classes."""
     pair, votes = np.unique((owner << 8) | semantic, return_counts=True)
-    best = np.lexsort(
-        (-pair, votes, pair >> 8)
-    )  # last of each object: most votes, then lowest class
+    # the last of each object: most votes, then the lowest class
+    best = np.lexsort((-pair, votes, pair >> 8))
     last = np.flatnonzero(np.diff(pair[best] >> 8, append=num_objects))
     voted: NDArray[np.int64] = pair[best][last] & 255
     return voted
@@ -109,15 +115,23 @@ def _rounded(values: NDArray[np.float64] | list[float]) -> tuple[float, float, f
 def _oriented_boxes(
     xy: NDArray[np.float64], starts: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Fit upright boxes of the smallest area: centres (O, 2), length and width (O, 2), yaw in degrees (O,)."""
+    """Fit upright boxes of the smallest area.
+
+    Returns:
+        (O, 2) centres, (O, 2) length and width, (O,) yaw in degrees.
+    """
     angles = np.deg2rad(np.arange(_BOX_ANGLES))
     boxes = _smallest_rectangles(xy, starts, counts, np.cos(angles), np.sin(angles))
     step, low, high = boxes[:, 0].astype(np.int64), boxes[:, 1:3], boxes[:, 3:5]
     middle, size = (low + high) / 2, high - low
+
+    # back from the turned frame
     cos, sin = np.cos(angles[step]), np.sin(angles[step])
     centre = np.stack(
         [middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos], axis=1
     )
+
+    # the length is the longer side
     is_tall = size[:, 1] > size[:, 0]
     yaw_deg = step + 90.0 * is_tall
     return centre, np.where(is_tall[:, None], size[:, ::-1], size), yaw_deg
@@ -131,7 +145,11 @@ def _smallest_rectangles(
     cos: NDArray[np.float64],
     sin: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Try every angle on every object: rows of angle index, low u, low v, high u, high v in the turned frame."""
+    """Try every angle on every object.
+
+    Returns:
+        (O, 5): angle index, then low u, low v, high u, high v in the turned frame.
+    """
     boxes = np.empty((starts.size, 5))
     for i in range(starts.size):
         best = np.inf
@@ -139,6 +157,8 @@ def _smallest_rectangles(
         for a in range(cos.size):
             u = points[:, 0] * cos[a] + points[:, 1] * sin[a]
             v = points[:, 1] * cos[a] - points[:, 0] * sin[a]
+
+            # by more than rounding: the first of equals stays
             area = (u.max() - u.min()) * (v.max() - v.min())
             if area < best - 1e-9:
                 best = area

@@ -1,4 +1,4 @@
-"""Label a complete cloud at once, block by block, as tables I and II have it for the offline methods.
+"""Label a complete cloud at once, block by block: the offline methods of tables I and II.
 
 The authors' program divides the cloud into columns of a metre by a metre, runs the network on each
 as if the robot stood in its middle, then clusters once.
@@ -38,16 +38,17 @@ def label_cloud(
     semantic, confidence = np.empty(num_voxels, np.uint8), np.empty(num_voxels, np.float32)
     embedding = np.empty((num_voxels, EMBEDDING), np.int16)
     floor: float | None = None
+
+    # each block as if the robot stood in its middle
     for number, (middle, ids) in enumerate(split_blocks(voxel_map.xyz, OFFLINE_BLOCK)):
         position = np.array([*middle, nearest_height(positions, middle)])
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))
         found = method.classify(voxel_map, ids, position, floor, rng)
-        semantic[ids], confidence[ids], embedding[ids] = (
-            found.semantic,
-            found.confidence,
-            found.embedding,
-        )
+        semantic[ids], confidence[ids] = found.semantic, found.confidence
+        embedding[ids] = found.embedding
+
+    # one clustering of everything
     everything = np.arange(num_voxels, dtype=np.int32)
     clusters = Clusters(method.similarity)
     clusters.add(embedding, method.partners(voxel_map, everything, embedding, embedding[:0]))

@@ -1,4 +1,4 @@
-"""Region growing by normals and colour (table II): what it takes for two neighbouring voxels to be one surface.
+"""Region growing by normals and colour (table II): when two neighbouring voxels are one surface.
 
 As in the Point Cloud Library: a normal from the points around, facing the sensor; smooth points
 join all neighbours that face the same way in the same colour; rough ones, on edges and thin things,
@@ -22,6 +22,55 @@ _NONE = -1
 _THIN = 1e-9  # variance across points on a line, of that along it
 
 
+class RegionGrower:
+    """Region growing by normals and colour (table II): objects without classes or learning.
+
+    Args:
+        growing: Which neighbours are alike.
+        settings: Batch size and similarity mean nothing here.
+
+    Attributes: See ``SegmentationMethod``; any similarity connects: who is alike is decided before.
+    """
+
+    def __init__(self, growing: RegionGrowingSettings, settings: SegmentSettings) -> None:
+        self.name = "region-growing"
+        self.weights = None
+        self.settings = settings
+        self.classes: tuple[str, ...] = ()
+        self.similarity = ANY
+        self.precision: Precision = "fp32"
+        self._growing = growing
+
+    def configuration(self) -> dict[str, object]:
+        """Record its name and its numbers; see ``SegmentationMethod``."""
+        growing = self._growing.model_dump()
+        return {"weights": None, "method": self.name, "region_growing": growing}
+
+    def classify(
+        self,
+        voxel_map: VoxelMap,
+        ids: NDArray[np.int32],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> VoxelLabels:
+        """Find normals, which take the first places of the embedding; no classes."""
+        embedding = np.zeros((len(ids), EMBEDDING), np.float32)
+        embedding[:, :3] = estimate_normals(voxel_map, ids, position, self._growing)
+        unknown = np.full(len(ids), UNKNOWN, np.uint8)
+        return VoxelLabels(unknown, np.zeros(len(ids), np.float32), quantise(embedding))
+
+    def partners(
+        self,
+        voxel_map: VoxelMap,
+        new: NDArray[np.int32],
+        embedding: NDArray[np.int16],
+        known: NDArray[np.int16],
+    ) -> NDArray[np.int32]:
+        """Give the neighbours of new voxels that are alike; see ``SegmentationMethod``."""
+        return keep_alike(voxel_map.neighbours(new), embedding, known, voxel_map.rgb, self._growing)
+
+
 def estimate_normals(
     voxel_map: VoxelMap,
     ids: NDArray[np.int32],
@@ -39,13 +88,14 @@ def estimate_normals(
     Returns:
         (M, 3) float32 unit normals; 0 where the surface is rough or the points too few.
     """
+    # fit a plane: (M, 3) variances, ascending; (M, 3, 3) axes, in columns
     around = voxel_map.neighbours(ids, settings.reach)
     count, covariance = _spread(ids, around, voxel_map.xyz)
-    variance, axes = np.linalg.eigh(
-        covariance
-    )  # ascending; variance (M, 3), axes (M, 3, 3) in columns
+    variance, axes = np.linalg.eigh(covariance)
     is_line = variance[:, 1] <= _THIN * variance[:, 2]
     is_rough = variance[:, 0] > settings.max_curvature * variance.sum(axis=1)
+
+    # face the sensor, unless rough
     normal = axes[:, :, 0]
     faces_away = np.einsum("ma,ma->m", normal, position - voxel_map.xyz[ids]) < 0
     normal[faces_away] *= -1
@@ -92,6 +142,8 @@ def _spread(
     mean, offset = np.empty(3), np.empty(3)
     for i in range(ids.size):
         mean[:] = 0.0
+
+        # sums relative to the voxel itself
         for other in around[i]:
             if other == _NONE:
                 continue
@@ -101,11 +153,12 @@ def _spread(
                 mean[a] += offset[a]
                 for b in range(a + 1):
                     covariance[i, a, b] += offset[a] * offset[b]
+
+        # both triangles of the covariance
         for a in range(3):
             for b in range(a + 1):
-                covariance[i, a, b] = (covariance[i, a, b] - mean[a] * mean[b] / count[i]) / count[
-                    i
-                ]
+                around_mean = covariance[i, a, b] - mean[a] * mean[b] / count[i]
+                covariance[i, a, b] = around_mean / count[i]
                 covariance[i, b, a] = covariance[i, a, b]
     return count, covariance
 
@@ -151,59 +204,13 @@ def _keep_alike(
                 continue
             colour = _colour_distance(rgb[start + i], rgb[other])
             facing = known[other] if other < start else normal[other - start]
+
+            # smooth: all alike; rough: the one nearest in colour
             if is_smooth and colour <= max_colour and _cosine(normal[i], facing) >= least_cosine:
                 kept[i, k] = other
             if not is_smooth and (colour < distance or (colour == distance and nearest == _NONE)):
                 nearest, distance = k, colour
+
         if nearest != _NONE:
             kept[i, nearest] = neighbours[i, nearest]
     return kept
-
-
-class RegionGrower:
-    """Region growing by normals and colour (table II): objects without classes, without learning.
-
-    Args:
-        growing: Which neighbours are alike.
-        settings: Batch size and similarity mean nothing here.
-
-    Attributes: See ``SegmentationMethod``; any similarity connects: who is alike is decided before.
-    """
-
-    def __init__(self, growing: RegionGrowingSettings, settings: SegmentSettings) -> None:
-        self.name = "region-growing"
-        self.weights = None
-        self.settings = settings
-        self.classes: tuple[str, ...] = ()
-        self.similarity = ANY
-        self.precision: Precision = "fp32"
-        self._growing = growing
-
-    def configuration(self) -> dict[str, object]:
-        """Record its name and its numbers; see ``SegmentationMethod``."""
-        growing = self._growing.model_dump()
-        return {"weights": None, "method": self.name, "region_growing": growing}
-
-    def classify(
-        self,
-        voxel_map: VoxelMap,
-        ids: NDArray[np.int32],
-        position: NDArray[np.float64],
-        floor: float,
-        rng: np.random.Generator,
-    ) -> VoxelLabels:
-        """Find the normals of voxels, which take the first places of the embedding; see ``SegmentationMethod``."""
-        embedding = np.zeros((len(ids), EMBEDDING), np.float32)
-        embedding[:, :3] = estimate_normals(voxel_map, ids, position, self._growing)
-        unknown = np.full(len(ids), UNKNOWN, np.uint8)
-        return VoxelLabels(unknown, np.zeros(len(ids), np.float32), quantise(embedding))
-
-    def partners(
-        self,
-        voxel_map: VoxelMap,
-        new: NDArray[np.int32],
-        embedding: NDArray[np.int16],
-        known: NDArray[np.int16],
-    ) -> NDArray[np.int32]:
-        """Give the neighbours of new voxels that are alike; see ``SegmentationMethod``."""
-        return keep_alike(voxel_map.neighbours(new), embedding, known, voxel_map.rgb, self._growing)

@@ -1,4 +1,4 @@
-"""One scan through the whole method (III-E): insert, add context, embed and classify, cluster. Read this first."""
+"""One scan through the whole method (III-E): insert, embed and classify, cluster. Read this first."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.column import Column
@@ -75,17 +76,17 @@ class IncrementalSegmenter:
         device: str = "cpu",
     ) -> None:
         self.method = make_method(method, settings or SegmentSettings(), precision, device)
-        self.settings = self.method.settings
+        self.settings = settings = self.method.settings
         self.classes = self.method.classes
         self.device = device
         self.precision = self.method.precision
-        self.clusters = Clusters(self.method.similarity)
+
+        # the map: voxels, their classes, their objects
         self.num_scans = 0
-        self._growing_map = GrowingMap(
-            self.settings.voxel_size, self.settings.local_range, self.settings.floor
-        )
+        self._growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
+        self.clusters = Clusters(self.method.similarity)
 
     @classmethod
     def load(
@@ -114,7 +115,9 @@ class IncrementalSegmenter:
         return self._confidence.rows
 
     def register_scan(self, scan: Scan) -> ScanUpdate:
-        """Label a scan and grow the map by it (III-E). Earlier labels change only where objects merge.
+        """Label a scan and grow the map by it (III-E).
+
+        Earlier labels change only where objects merge.
 
         Args:
             scan: Points in the map frame; points farther than ``local_range`` from the robot are
@@ -130,9 +133,8 @@ class IncrementalSegmenter:
         clock = Stopwatch()
 
         # embed and classify
-        found = self.method.classify(
-            self.map, observed.new, scan.position, observed.floor or 0.0, rng
-        )
+        floor = observed.floor or 0.0
+        found = self.method.classify(self.map, observed.new, scan.position, floor, rng)
 
         # update look-up table
         self._semantic.append(found.semantic)
@@ -169,10 +171,12 @@ class IncrementalSegmenter:
         Args:
             point_ids: (N,) int32 voxel ids, -1 for points without one (they get 255, 0 and 0).
         """
-        known = point_ids >= 0
-        semantic = np.full(len(point_ids), 255, np.uint8)
+        semantic = np.full(len(point_ids), UNKNOWN, np.uint8)
         instance = np.zeros(len(point_ids), np.int32)
         confidence = np.zeros(len(point_ids), np.float32)
+
+        # points that have a voxel
+        known = point_ids >= 0
         ids = point_ids[known]
         semantic[known], confidence[known] = self.semantic[ids], self.confidence[ids]
         instance[known] = self.clusters.instance[ids]

@@ -1,4 +1,4 @@
-"""The global look-up table (III-B): 0.1 m voxels, one point each, found by a hash of blocks of 4 x 4 x 4 voxels.
+"""The global look-up table (III-B): 0.1 m voxels, one point each, in hashed blocks of 4 x 4 x 4.
 
 Looking up a window of voxels costs a few hash probes for its blocks and then plain array reads, so
 nothing here depends on how large the map is. Blocks after Niessner et al., Real-time 3D
@@ -15,15 +15,14 @@ from mcpseg_cli.incremental.column import RESERVED_ROWS, Column
 
 _EMPTY = -1
 _BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
-_RESERVED_BLOCKS = (
-    RESERVED_ROWS // 8
-)  # surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
+# surfaces fill 16 of a block's 64 voxels, edges and clutter fewer
+_RESERVED_BLOCKS = RESERVED_ROWS // 8
 _FIRST_KEYS = 1 << 12
 _CELLS_REACH = 3  # cells from a point to its context points (III-B)
 NEIGHBOUR_REACH = 1  # cells from a point to its neighbours (III-C)
 
 Blocks = tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]
-"""The hash table's keys, the block each slot points to, and (B, 64) voxel ids of the blocks, plus one."""
+"""Keys of the hash table, the block of each slot, (B, 64) voxel ids of the blocks, plus one."""
 
 
 class VoxelMap:
@@ -37,9 +36,8 @@ class VoxelMap:
         self.voxel_size = voxel_size
         self._xyz = Column(np.float32, 3)
         self._rgb = Column(np.uint8, 3)
-        self._block_ids = np.zeros(
-            (_RESERVED_BLOCKS, 64), np.int32
-        )  # id + 1, 0 for none: untouched memory is zero
+        # id + 1, 0 for none: untouched memory is zero
+        self._block_ids = np.zeros((_RESERVED_BLOCKS, 64), np.int32)
         self._num_blocks = 0
         self._keys = np.full(_FIRST_KEYS, _EMPTY, np.int64)
         self._slots = np.empty(_FIRST_KEYS, np.int32)
@@ -53,12 +51,12 @@ class VoxelMap:
 
     @property
     def xyz(self) -> NDArray[np.float32]:
-        """(V, 3) float32, metres, map frame: each voxel's first point. A view, valid until the next insert."""
+        """(V, 3) float32, metres, map frame: first point of each voxel; a view, until an insert."""
         return self._xyz.rows
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """(V, 3) uint8 colour of each voxel's first point. A view, valid until the next insert."""
+        """(V, 3) uint8 colour of each voxel's first point: a view, valid until the next insert."""
         return self._rgb.rows
 
     def insert(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> NDArray[np.int32]:
@@ -75,6 +73,8 @@ class VoxelMap:
         voxel = voxel_of(xyz, self.voxel_size)
         ids = np.empty(len(xyz), np.int32)
         first_point = np.empty(len(xyz), np.int64)
+
+        # until all fit in
         done = num_new = 0
         while done < len(xyz):
             progress = (done, num_new, self._num_blocks)
@@ -83,6 +83,8 @@ class VoxelMap:
             )
             if done < len(xyz):
                 self._grow()
+
+        # one point a voxel
         chosen = first_point[:num_new]
         self._xyz.append(xyz[chosen])
         self._rgb.append(rgb[chosen])
@@ -166,6 +168,7 @@ class VoxelMap:
             grown[: self._num_blocks] = self._block_ids
             self._block_ids = grown
             return
+
         keys = np.full(2 * len(self._keys), _EMPTY, np.int64)
         slots = np.empty(2 * len(self._slots), np.int32)
         _rehash(self._keys, self._slots, keys, slots)
@@ -235,13 +238,18 @@ def _insert_points(
     ids: NDArray[np.int32],
     first_point: NDArray[np.int64],
 ) -> tuple[int, int, int]:
-    """Insert voxels; progress is points done, new voxels, blocks used. Stops early when blocks or keys are full."""
+    """Insert voxels; stop early when blocks or keys are full.
+
+    Progress is points done, new voxels, blocks used.
+    """
     done, num_new, num_blocks = progress
     keys, slots, block_ids = blocks
     for i in range(done, voxel.shape[0]):
         x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
         key = _key(x >> 2, y >> 2, z >> 2)
         slot = _probe(keys, key)
+
+        # its block
         if keys[slot] == _EMPTY:
             if num_blocks == block_ids.shape[0] or 2 * num_blocks >= keys.size:
                 return i, num_new, num_blocks
@@ -249,6 +257,8 @@ def _insert_points(
             slots[slot] = num_blocks
             num_blocks += 1
         block = slots[slot]
+
+        # its place in the block
         cell = _cell(x, y, z)
         if block_ids[block, cell] == 0:
             first_point[num_new] = i
@@ -296,12 +306,13 @@ def _gather_box(
                 block = _find_block(bx, by, bz, blocks)
                 if block == _EMPTY:
                     continue
+
+                # the part of the block within the box
                 for x in range(max(low[0], bx << 2), min(high[0], (bx + 1) << 2)):
                     for y in range(max(low[1], by << 2), min(high[1], (by + 1) << 2)):
                         for z in range(max(low[2], bz << 2), min(high[2], (bz + 1) << 2)):
-                            grid[x - low[0], y - low[1], z - low[2]] = (
-                                blocks[2][block, _cell(x, y, z)] - 1
-                            )
+                            found = blocks[2][block, _cell(x, y, z)]
+                            grid[x - low[0], y - low[1], z - low[2]] = found - 1
     return grid
 
 
@@ -327,6 +338,8 @@ def _list_box(low: NDArray[np.int32], width: int, blocks: Blocks, ids: NDArray[n
                 block = _find_block(bx, by, bz, blocks)
                 if block == _EMPTY:
                     continue
+
+                # the part of the block within the cube
                 for x in range(max(x0, bx << 2), min(x1, (bx + 1) << 2)):
                     for y in range(max(y0, by << 2), min(y1, (by + 1) << 2)):
                         for z in range(max(z0, bz << 2), min(z1, (bz + 1) << 2)):
@@ -340,7 +353,7 @@ def _list_box(low: NDArray[np.int32], width: int, blocks: Blocks, ids: NDArray[n
 def _sample_windows(
     low: NDArray[np.int32], width: int, uniform: NDArray[np.float32], blocks: Blocks
 ) -> NDArray[np.int32]:
-    """Draw ids from each window by a partial Fisher-Yates shuffle, or with replacement where they are too few."""
+    """Draw ids from each window: a partial Fisher-Yates shuffle, or with replacement if too few."""
     sample = np.empty(uniform.shape, np.int32)
     candidates = np.empty(width**3, np.int32)
     for i in range(low.shape[0]):
