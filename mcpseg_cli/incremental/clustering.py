@@ -139,7 +139,7 @@ def dequantise(embedding: NDArray[np.int16]) -> NDArray[np.float32]:
 
 
 def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Stand in for the embedding of a network that has none: neighbours of one class connect (IV-B).
+    """Stand in for an embedding where a network has none: neighbours of one class connect (IV-B).
 
     Args:
         semantic: (M,) uint8 class index.

@@ -1,4 +1,4 @@
-"""The look-up table as a robot fills it (III-B, III-E): points near it go in, the floor is found."""
+"""The look-up table as a robot fills it (III-B): points near it go in, the floor is found."""
 
 from __future__ import annotations
 

@@ -9,6 +9,16 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING
 
+COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+    "xyz": (np.float32, (3,)),
+    "rgb": (np.uint8, (3,)),
+    "semantic": (np.uint8, ()),
+    "confidence": (np.float32, ()),
+    "instance": (np.int32, ()),
+    "embedding": (np.int16, (EMBEDDING,)),
+}
+"""What a map keeps of every voxel: type and shape of a row, by attribute of ``MapRows``."""
+
 
 @dataclass(frozen=True)
 class VoxelLabels:
@@ -50,14 +60,4 @@ class MapRows:
 
     def part(self, which: slice) -> MapRows:
         """Return some of the rows: views."""
-        return MapRows(*[getattr(self, name)[which] for name in _COLUMNS])
-
-
-_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
-    "xyz": (np.float32, (3,)),
-    "rgb": (np.uint8, (3,)),
-    "semantic": (np.uint8, ()),
-    "confidence": (np.float32, ()),
-    "instance": (np.int32, ()),
-    "embedding": (np.int16, (EMBEDDING,)),
-}
+        return MapRows(*[getattr(self, name)[which] for name in COLUMNS])

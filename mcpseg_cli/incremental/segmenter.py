@@ -1,4 +1,4 @@
-"""One scan through the whole method (III-E): insert, embed and classify, cluster. Read this first."""
+"""One scan through the whole method (III-E): insert, embed and classify, cluster. Read it first."""
 
 from __future__ import annotations
 
@@ -62,6 +62,15 @@ class IncrementalSegmenter:
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
             ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
+
+    Attributes:
+        method: What labels, made ready.
+        settings: Complete, as the method has them.
+        classes: Class names that labels index; none for region growing.
+        precision: ``bf16`` or ``fp32``.
+        device: As given.
+        clusters: Object ids of all voxels.
+        num_scans: Scans registered so far.
 
     Raises:
         McpsegError: The device does not exist here.

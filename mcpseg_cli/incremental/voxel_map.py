@@ -51,7 +51,7 @@ class VoxelMap:
 
     @property
     def xyz(self) -> NDArray[np.float32]:
-        """(V, 3) float32, metres, map frame: first point of each voxel; a view, until an insert."""
+        """(V, 3) float32, metres, map frame: each voxel's first point. A view, until an insert."""
         return self._xyz.rows
 
     @property

@@ -11,7 +11,7 @@ from mcpseg_cli.errors import McpsegError
 
 
 def use_threads(count: int) -> None:
-    """Let torch use so many threads on the processor; where others want the cores too, one is often the fastest."""
+    """Let torch use so many threads; where others want the cores too, one is often the fastest."""
     torch.set_num_threads(count)
 
 
@@ -33,7 +33,7 @@ def find_device(name: str) -> torch.device:
 
 @contextmanager
 def one_thread_per_operation() -> Iterator[None]:
-    """Keep torch from splitting single operations among cores: the workers share whole tiles instead."""
+    """Keep torch from splitting operations among cores: the workers share whole tiles instead."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -50,7 +50,7 @@ def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
 
 
 def _cpu_has_bf16() -> bool:
-    """Tell whether the processor multiplies bfloat16 natively (AMX or AVX512-BF16), as Linux reports it."""
+    """Tell, by what Linux reports, if the processor multiplies bfloat16 (AMX or AVX512-BF16)."""
     try:
         flags = Path("/proc/cpuinfo").read_text().split()
     except OSError:

@@ -1,4 +1,4 @@
-"""MCPNet (III-B, III-C, figure 3): class and instance branch over points with multi-view context pooling."""
+"""MCPNet (III-B, III-C, figure 3): class and instance branch, multi-view context pooling."""
 
 import torch
 from torch import Tensor, nn
@@ -33,7 +33,7 @@ class MCPNet(Network):
         self.classify = nn.Linear(HIDDEN, num_classes)
 
     def pool_context(self, context: Tensor) -> Tensor:
-        """Multi-view context pooling: two layers on every context point, then the maximum over each centre's points.
+        """Multi-view context pooling: two layers, then the maximum over each centre's points.
 
         A maximum commutes with ReLU, which therefore follows it, exactly. Each of the N x K points
         has 200 features on the way: on a processor, give few enough centres at a time that these
@@ -45,21 +45,21 @@ class MCPNet(Network):
         Returns:
             (N, 200) or (B, N, 200) float32.
         """
+        # training on a processor
         if torch.is_grad_enabled() and context.device.type == "cpu" and context.dim() == 3:
-            layers = (
-                self.context_1.weight,
-                self.context_1.bias,
-                self.context_2.weight,
-                self.context_2.bias,
-            )
+            first, second = self.context_1, self.context_2
+            layers = (first.weight, first.bias, second.weight, second.bias)
             maxima: Tensor = PoolContext.apply(context, *layers)  # type: ignore[no-untyped-call]
             return maxima
+
+        # two layers on every context point
         points = context.reshape(-1, NUM_FEATURES)  # (N·K, 6)
-        points = (
-            points.to_mkldnn() if self._pools_in_onednn else points.to(self.context_1.weight.dtype)
-        )
+        in_onednn = self._pools_in_onednn
+        points = points.to_mkldnn() if in_onednn else points.to(self.context_1.weight.dtype)
         points = self.context_2(self.context_1(points).relu_())  # (N·K, 200)
-        points = points.to_dense() if self._pools_in_onednn else points
+        points = points.to_dense() if in_onednn else points
+
+        # maximum over each centre's points
         pooled: Tensor = points.view(*context.shape[:-1], -1).amax(dim=-2)
         return pooled.relu().float()  # (N, 200)
 
@@ -77,13 +77,15 @@ class MCPNet(Network):
         """
         joined = centre if pooled is None else torch.cat([centre, pooled], dim=-1)  # (N, 206)
         features = functional.relu(self.features(joined))  # (N, 200)
+
+        # instance branch, then class branch
         embedding = self.embed(features)  # (N, 50)
         difference = features - features.amax(dim=-2, keepdim=True)
         hidden = functional.relu(self.hidden(torch.cat([difference, embedding], dim=-1)))
         return functional.normalize(embedding, dim=-1, eps=1e-6), self.classify(hidden)
 
     def pool_in(self, precision: str) -> None:
-        """Make context pooling, nine tenths of the work and more, fast for inference; the rest stays as it is.
+        """Make context pooling, nine tenths of the work and more, fast for inference.
 
         Args:
             precision: ``bf16``, or ``fp32``: then, on a processor, through oneDNN, whose products

@@ -95,7 +95,10 @@ class Network(nn.Module):
 
 
 def initialise(layer: nn.Module) -> None:
-    """Draw weights after He et al. (2015), biases 0; for ``Module.apply``. Torch's own let deep stacks fade."""
+    """Draw weights after He et al. (2015), biases 0: torch's own let deep stacks fade.
+
+    For ``Module.apply``.
+    """
     if isinstance(layer, nn.Linear | nn.Conv3d):
         nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu")
         assert layer.bias is not None
@@ -103,7 +106,7 @@ def initialise(layer: nn.Module) -> None:
 
 
 def perceptron(*widths: int) -> nn.Sequential:
-    """Stack linear layers of these widths, a ReLU after each; every point goes through on its own."""
+    """Stack linear layers of these widths, a ReLU after each; every point goes through alone."""
     return nn.Sequential(
         *[layer for pair in pairwise(widths) for layer in (nn.Linear(*pair), nn.ReLU())]
     )

@@ -1,4 +1,4 @@
-"""PointNet (Qi et al. 2017), without input transforms, as the MCPNet authors compare with it (table I).
+"""PointNet (Qi et al. 2017), without input transforms, as the authors compare with it (table I).
 
 Layers as in their program; its widest has 1,024 features, here 256, and those after it half as many
 as there, which keeps the parameters in MCPNet's range and a step on a processor short. ReLU follows

@@ -1,4 +1,4 @@
-"""Context pooling (III-B) for training on a processor, with a backward pass that follows only the maxima.
+"""Context pooling (III-B) for training on a processor: the backward pass follows only the maxima.
 
 Each of a centre's 200 pooled features comes from one of its 50 context points, so at most 200 of
 the 50 x 200 entries of the second layer have a gradient. Two of the three large products of a
@@ -17,7 +17,10 @@ _CENTRES = 32  # at a time: their features on the way stay in a core's cache
 
 
 class PoolContext(torch.autograd.Function):
-    """ReLU of the maximum over each centre's context points, after two linear layers with a ReLU between them."""
+    """ReLU of the maximum over each centre's context points, after two linear layers.
+
+    Between the layers is a ReLU, too.
+    """
 
     @staticmethod
     def forward(
@@ -33,12 +36,15 @@ class PoolContext(torch.autograd.Function):
         hidden = context.new_empty(num_centres, num_context, len(bias_1))  # (N, K, F)
         pooled = context.new_empty(num_centres, len(bias_2))
         farthest = torch.empty(pooled.shape, dtype=torch.int32)
+
+        # a few centres at a time
         for start in range(0, num_centres, _CENTRES):
             few = slice(start, start + _CENTRES)
             points = functional.linear(context[few].flatten(0, 1), weight_1, bias_1).relu_()
             hidden[few] = points.view_as(hidden[few])
             points = functional.linear(points, weight_2).to(context.dtype)
             _maxima(points.view_as(hidden[few]).numpy(), pooled[few].numpy(), farthest[few].numpy())
+
         pooled = (pooled + bias_2).relu_()
         ctx.save_for_backward(context, hidden, weight_2, pooled, farthest)
         return pooled
@@ -50,6 +56,8 @@ class PoolContext(torch.autograd.Function):
         """Return the gradients of the four parameters, from (N, F); context points get none."""
         saved: tuple[Tensor, ...] = ctx.saved_tensors
         context, hidden, weight_2, pooled, farthest = saved
+
+        # through the second layer, only where the maxima are
         gradient = (gradient * (pooled > 0)).contiguous()  # (N, F)
         of_hidden = torch.zeros_like(hidden)  # (N, K, F)
         of_weight_2 = torch.zeros_like(weight_2)
@@ -57,14 +65,11 @@ class PoolContext(torch.autograd.Function):
             gradient.numpy(), farthest.numpy(), hidden.numpy(), weight_2.detach().numpy(),
             of_hidden.numpy(), of_weight_2.numpy(),
         )  # fmt: skip
+
+        # through the first
         of_hidden = of_hidden.flatten(0, 1)  # (N·K, F)
-        return (
-            None,
-            of_hidden.T @ context.flatten(0, 1),
-            of_hidden.sum(dim=0),
-            of_weight_2,
-            gradient.sum(dim=0),
-        )
+        of_weight_1, of_bias_1 = of_hidden.T @ context.flatten(0, 1), of_hidden.sum(dim=0)
+        return None, of_weight_1, of_bias_1, of_weight_2, gradient.sum(dim=0)
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +97,7 @@ def _spread(
     of_hidden: NDArray[np.float32],
     of_weight: NDArray[np.float32],
 ) -> None:
-    """Add each (n, f) entry's gradient to its row of the hidden features, where active, and of the weights."""
+    """Add each entry's gradient to its row of the hidden features, where active, and weights."""
     for n in range(gradient.shape[0]):
         for f in range(gradient.shape[1]):
             g = gradient[n, f]

@@ -1,4 +1,4 @@
-"""SGPN, similarity group proposal network (Wang et al. 2018), on PointNet features (tables I and II).
+"""SGPN, similarity group proposal network (Wang et al. 2018), on PointNet features (tables I, II).
 
 Its objects are clustered like MCPNet's, by the cosine similarity of its similarity features, as in
 the paper (IV-B). These have as many dimensions as MCPNet's embedding, so that the same map holds

@@ -1,4 +1,4 @@
-"""TensorFlow checkpoints (TensorBundle files) read without TensorFlow, and the MCPNet authors' weights in them.
+"""TensorFlow checkpoints (TensorBundle files) without TensorFlow; the authors' weights in them.
 
 The index is an uncompressed LevelDB table whose values are BundleEntry protocol buffers; the data
 file holds raw little-endian tensors. Sources: LevelDB doc/table_format.md; TensorFlow
@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
 
 from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.config import HIDDEN, NUM_FEATURES, Architecture
@@ -29,11 +28,12 @@ _FLOAT32 = 1  # DT_FLOAT
 _MCPNET = {1: "context_1", 2: "context_2", 3: "features", 4: "embed", 5: "hidden", 6: "classify"}
 _LAYERS: dict[Architecture, dict[int, str]] = {
     "mcpnet": _MCPNET,
-    "mcpnet-nocontext": {
-        number: layer for number, layer in _MCPNET.items() if not layer.startswith("context")
-    },
+    "mcpnet-nocontext": {number: _MCPNET[number] for number in (3, 4, 5, 6)},
     "voxnet": {1: "convolve_1", 2: "convolve_2", 3: "hidden", 4: "classify"},
 }
+_OTHERS = (
+    "import a checkpoint of MCPNet or VoxNet (the authors' other baselines are wider than ours)"
+)
 
 
 @dataclass
@@ -59,6 +59,7 @@ def import_checkpoint(prefix: Path) -> tuple[Network, WeightsInfo]:
     Raises:
         WeightsError: Damaged files, or variables that are not those networks'.
     """
+    # which network
     tensors = read_tensor_bundle(prefix)
     kernels = {name: _as_torch(tensors[name]) for name in tensors if name.startswith("kernel")}
     info = WeightsInfo(
@@ -68,32 +69,23 @@ def import_checkpoint(prefix: Path) -> tuple[Network, WeightsInfo]:
         training={"source": f"imported from the TensorFlow checkpoint {prefix.name}"},
     )
     network = build_network(info)
-    with torch.no_grad():
-        for number, name in _LAYERS[info.architecture].items():
-            layer = network.get_submodule(name)
-            assert isinstance(layer, nn.Linear | nn.Conv3d)
-            assert layer.bias is not None
-            kernel, bias = kernels.get(f"kernel{number}"), tensors.get(f"bias{number}")
-            expected = tuple(layer.weight.shape)
-            if (
-                kernel is None
-                or bias is None
-                or kernel.shape != expected
-                or bias.shape != expected[:1]
-            ):
-                found = f"kernel{number} {'missing' if kernel is None else kernel.shape}"
-                owner = "VoxNet" if info.architecture == "voxnet" else "MCPNet"
-                remedy = "import a checkpoint of MCPNet or VoxNet (the authors' other baselines are wider than ours)"
-                raise WeightsError(
-                    prefix, found, f"{expected} with its bias, as {owner} has", remedy
-                )
-            layer.weight.copy_(torch.from_numpy(kernel))
-            layer.bias.copy_(torch.from_numpy(bias.copy()))
+
+    # layer by layer
+    state = {}
+    for number, name in _LAYERS[info.architecture].items():
+        kernel, bias = kernels.get(f"kernel{number}"), tensors.get(f"bias{number}")
+        shape = tuple(network.get_parameter(f"{name}.weight").shape)
+        if kernel is None or bias is None or (kernel.shape, bias.shape) != (shape, shape[:1]):
+            found = f"kernel{number} {'missing' if kernel is None else kernel.shape}"
+            owner = "VoxNet" if info.architecture == "voxnet" else "MCPNet"
+            raise WeightsError(prefix, found, f"{shape} with its bias, as {owner} has", _OTHERS)
+        state[f"{name}.weight"], state[f"{name}.bias"] = map(torch.from_numpy, (kernel, bias))
+    network.load_state_dict(state)
     return network.eval(), info
 
 
 def _as_torch(kernel: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Put the outputs first, then the inputs, as torch does; a 1-D convolution over single points is a linear layer."""
+    """Put the outputs first, then the inputs; a convolution over single points is a linear layer."""
     if kernel.ndim == 3 and len(kernel) == 1:
         kernel = kernel[0]
     if kernel.ndim < 2:
@@ -110,7 +102,7 @@ def _architecture(kernels: dict[str, NDArray[np.float32]]) -> Architecture:
 
 
 def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
-    """Read every float32 variable of a checkpoint; optimizer slots and other types are passed over.
+    """Read every float32 variable of a checkpoint; optimizer slots and other types are left.
 
     Args:
         prefix: The checkpoint's name without ``.index``.
@@ -121,44 +113,42 @@ def read_tensor_bundle(prefix: Path) -> dict[str, NDArray[np.float32]]:
     Raises:
         WeightsError: A file is missing, damaged or not a TensorBundle.
     """
-    if not prefix.name:
-        raise WeightsError(
-            str(prefix), "a folder", "a checkpoint's name", "give the name before .index"
-        )
-    index_path, data_path = (
-        prefix.with_name(f"{prefix.name}.index"),
-        prefix.with_name(f"{prefix.name}.data-00000-of-00001"),
-    )
-    for path in (index_path, data_path):
-        if not path.is_file():
-            raise WeightsError(
-                prefix,
-                f"no {path.name}",
-                f"{index_path.name} and {data_path.name}",
-                "give the name they share",
-            )
-    index, data = index_path.read_bytes(), data_path.read_bytes()
+    index, data = (path.read_bytes() for path in _bundle_files(prefix))
     tensors = {}
     try:
         for name, value in _table(index):
             entry = _entry(value)
-            if not name or "/" in name or entry.dtype != _FLOAT32:
-                continue
-            count = int(np.prod(entry.shape, dtype=np.int64))
-            if entry.shard or entry.size != 4 * count or entry.offset + entry.size > len(data):
-                raise ValueError(
-                    f"{name}: {entry.size} bytes at {entry.offset}, file of {len(data)}"
-                )
-            tensors[name] = (
-                np.frombuffer(data, "<f4", count, entry.offset)
-                .reshape(entry.shape)
-                .astype(np.float32)
-            )
+            if name and "/" not in name and entry.dtype == _FLOAT32:
+                tensors[name] = _tensor(name, entry, data)
     except (ValueError, IndexError, struct.error) as error:
         raise WeightsError(
             prefix, f"damaged ({error})", "a TensorFlow checkpoint", "copy both files again"
         ) from error
     return tensors
+
+
+def _bundle_files(prefix: Path) -> tuple[Path, Path]:
+    """Return the paths of index and data; both are there."""
+    if not prefix.name:
+        remedy = "give the name before .index"
+        raise WeightsError(str(prefix), "a folder", "a checkpoint's name", remedy)
+    index = prefix.with_name(f"{prefix.name}.index")
+    data = prefix.with_name(f"{prefix.name}.data-00000-of-00001")
+
+    for path in (index, data):
+        if not path.is_file():
+            both = f"{index.name} and {data.name}"
+            raise WeightsError(prefix, f"no {path.name}", both, "give the name they share")
+    return index, data
+
+
+def _tensor(name: str, entry: _Entry, data: bytes) -> NDArray[np.float32]:
+    """Copy a tensor out of the data file."""
+    count = int(np.prod(entry.shape, dtype=np.int64))
+    if entry.shard or entry.size != 4 * count or entry.offset + entry.size > len(data):
+        raise ValueError(f"{name}: {entry.size} bytes at {entry.offset}, file of {len(data)}")
+    values = np.frombuffer(data, "<f4", count, entry.offset)
+    return values.reshape(entry.shape).astype(np.float32)
 
 
 def _varint(data: bytes, position: int) -> tuple[int, int]:
@@ -194,6 +184,8 @@ def _block(index: bytes, handle: bytes) -> Iterator[tuple[bytes, bytes]]:
     block, kind = index[offset : offset + size], index[offset + size]
     if kind != 0 or len(block) != size:
         raise ValueError("a compressed or cut block")
+
+    # entries, then the restart points and their number
     end = size - 4 - 4 * struct.unpack("<I", block[-4:])[0]
     position, key = 0, b""
     while position < end:
@@ -202,6 +194,7 @@ def _block(index: bytes, handle: bytes) -> Iterator[tuple[bytes, bytes]]:
         length, position = _varint(block, position)
         key = key[:shared] + block[position : position + unshared]
         position += unshared
+
         yield key, block[position : position + length]
         position += length
 
@@ -212,6 +205,8 @@ def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
     while position < len(message):
         tag, position = _varint(message, position)
         number, wire = tag >> 3, tag & 7
+
+        # numbers, bytes; 32-bit values are passed over
         if wire == 0:
             value, position = _varint(message, position)
             yield number, value
@@ -229,23 +224,21 @@ def _entry(message: bytes) -> _Entry:
     """Decode a BundleEntry: 1 dtype, 2 shape, 3 shard, 4 offset, 5 size."""
     entry = _Entry()
     for number, value in _fields(message):
-        if isinstance(value, bytes):
-            if number == 2:
-                entry.shape = [
-                    _dimension(part) for _, part in _fields(value) if isinstance(part, bytes)
-                ]
-        elif number == 1:
-            entry.dtype = value
-        elif number == 3:
-            entry.shard = value
-        elif number == 4:
-            entry.offset = value
-        elif number == 5:
-            entry.size = value
+        match number, value:
+            case 1, int():
+                entry.dtype = value
+            case 2, bytes():
+                parts = [part for _, part in _fields(value) if isinstance(part, bytes)]
+                entry.shape = [_dimension(part) for part in parts]
+            case 3, int():
+                entry.shard = value
+            case 4, int():
+                entry.offset = value
+            case 5, int():
+                entry.size = value
     return entry
 
 
 def _dimension(message: bytes) -> int:
-    return next(
-        (value for number, value in _fields(message) if number == 1 and isinstance(value, int)), 0
-    )
+    sizes = [value for number, value in _fields(message) if number == 1 and isinstance(value, int)]
+    return sizes[0] if sizes else 0

@@ -1,4 +1,4 @@
-"""VoxNet (Maturana and Scherer 2015) as the MCPNet authors compare with it: a grid's features joined to every point."""
+"""VoxNet (Maturana and Scherer 2015) as the authors compare with it: a grid's features beside points."""
 
 import torch
 from torch import Tensor, nn
@@ -14,7 +14,7 @@ _CHANNELS, _HIDDEN = 32, 128
 
 
 class VoxNet(Network):
-    """Class of every point from its six features and the shape of what is occupied around the robot.
+    """Class of a point from its six features and the shape of what is occupied around the robot.
 
     Args:
         num_classes: C, classes to tell apart.
@@ -33,11 +33,10 @@ class VoxNet(Network):
         grid = occupancy(centre.reshape(-1, *centre.shape[-2:]))  # (B, 1, 32, 32, 32)
         grid = functional.relu(self.convolve_1(grid))  # (B, 32, 14, 14, 14)
         grid = functional.relu(self.convolve_2(grid))  # (B, 32, 12, 12, 12)
-        shape = (
-            grid.amax(dim=(2, 3, 4))
-            .view(*centre.shape[:-2], 1, _CHANNELS)
-            .expand(*centre.shape[:-1], -1)
-        )
+
+        # the whole grid beside every point
+        shape = grid.amax(dim=(2, 3, 4)).view(*centre.shape[:-2], 1, _CHANNELS)
+        shape = shape.expand(*centre.shape[:-1], -1)  # (..., N, 32)
         hidden = functional.relu(self.hidden(torch.cat([centre, shape], dim=-1)))  # (..., N, 128)
         return None, self.classify(hidden)
 
@@ -52,11 +51,8 @@ def occupancy(centre: Tensor) -> Tensor:
         (B, 1, 32, 32, 32) of 0 and 1, axes x, y, z.
     """
     x, y, z = centre.detach()[..., :3].unbind(dim=-1)
-    steps = [
-        (x + _REACH) * (_CELLS / (2 * _REACH)),
-        (y + _REACH) * (_CELLS / (2 * _REACH)),
-        z / _HEIGHT * _CELLS,
-    ]
+    per_metre = _CELLS / (2 * _REACH)
+    steps = [(x + _REACH) * per_metre, (y + _REACH) * per_metre, z / _HEIGHT * _CELLS]
     cell_x, cell_y, cell_z = (step.long().clamp(0, _CELLS - 1) for step in steps)  # each (B, N)
     grid = centre.new_zeros(len(centre), _CELLS**3)
     grid.scatter_(1, (cell_x * _CELLS + cell_y) * _CELLS + cell_z, 1.0)

@@ -1,4 +1,4 @@
-"""Weights files: safetensors that carry architecture, class table, context definition and training facts."""
+"""Weights files: safetensors that carry architecture, class table, context and training facts."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
+from torch import Tensor
 
 from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
 from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
@@ -78,18 +79,17 @@ def find_weights(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".safetensors" or path.is_file():
         return path
+
+    # a wheel has the bundled weights inside, a checkout beside the package
     package = Path(__file__).parents[1]
     folders = [package / "models", package.parent / "models"]
     for folder in folders:
         if (folder / f"{name_or_path}.safetensors").is_file():
             return folder / f"{name_or_path}.safetensors"
+
     bundled = sorted(file.stem for folder in folders for file in folder.glob("*.safetensors"))
-    raise WeightsError(
-        name_or_path,
-        "no such weights",
-        f"a .safetensors file or one of {', '.join(bundled)}",
-        "check the name",
-    )
+    expected = f"a .safetensors file or one of {', '.join(bundled)}"
+    raise WeightsError(name_or_path, "no such weights", expected, "check the name")
 
 
 def load_weights(path: Path) -> Weights:
@@ -105,49 +105,53 @@ def load_weights(path: Path) -> Weights:
         WeightsError: Damaged, not mcpseg's, or tensors that do not fit the architecture.
         OSError: The file cannot be opened.
     """
-    data = path.read_bytes()
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    description, tensors = _read_safetensors(path)
+    network, info = _make_network(path, description, tensors)
+
+    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
+        found, remedy = "NaN or infinite parameters", "use a checkpoint from before they broke"
+        raise WeightsError(path, found, "finite numbers", remedy)
+    return Weights(network.eval(), info, sha256, path.stem)
+
+
+def _read_safetensors(path: Path) -> tuple[str, dict[str, Tensor]]:
+    """Read mcpseg's description and the tensors."""
     try:
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, ValueError) as error:
+        found = f"not readable ({str(error).strip()[:80]})"
         remedy = "import TensorFlow checkpoints with 'mcpseg import-weights'"
-        raise WeightsError(
-            path, f"not readable ({str(error).strip()[:80]})", "a safetensors file", remedy
-        ) from error
+        raise WeightsError(path, found, "a safetensors file", remedy) from error
+
     if _METADATA not in metadata:
-        raise WeightsError(
-            path,
-            "no mcpseg description",
-            "weights made by mcpseg",
-            "use bundled or imported weights",
-        )
+        found, remedy = "no mcpseg description", "use bundled or imported weights"
+        raise WeightsError(path, found, "weights made by mcpseg", remedy)
+    return metadata[_METADATA], tensors
+
+
+def _make_network(
+    path: Path, description: str, tensors: dict[str, Tensor]
+) -> tuple[Network, WeightsInfo]:
+    """Build the network described, with these tensors."""
     try:
-        info = WeightsInfo.model_validate_json(metadata[_METADATA])
-        network = build_network(info)
-        network.load_state_dict(tensors)
+        info = WeightsInfo.model_validate_json(description)
     except ValidationError as error:
         problem = error.errors()[0]
         found = f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}"
-        raise WeightsError(
-            path, found, "a description this version knows", "update mcpseg"
-        ) from error
+        expected = "a description this version knows"
+        raise WeightsError(path, found, expected, "update mcpseg") from error
+
+    network = build_network(info)
+    try:
+        network.load_state_dict(tensors)
     except RuntimeError as error:
         found = str(error).splitlines()[-1].strip()
-        raise WeightsError(
-            path,
-            found,
-            f"the tensors of {info.architecture}",
-            "copy the file again, or use weights of this network",
-        ) from error
-    if not all(bool(torch.isfinite(tensor).all()) for tensor in tensors.values()):
-        raise WeightsError(
-            path,
-            "NaN or infinite parameters",
-            "finite numbers",
-            "use a checkpoint from before they broke",
-        )
-    return Weights(network.eval(), info, hashlib.sha256(data).hexdigest(), path.stem)
+        remedy = "copy the file again, or use weights of this network"
+        raise WeightsError(path, found, f"the tensors of {info.architecture}", remedy) from error
+    return network, info
 
 
 def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.incremental.clustering import resolve
-from mcpseg_cli.incremental.map_rows import _COLUMNS, MapRows
+from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
 from mcpseg_cli.segment.scan_record import ScanRecord
 
 SCHEMA_VERSION = 1
@@ -144,7 +144,7 @@ class State:
                 "INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs))
             )
         for start in range(0, len(rows), _PART_ROWS):
-            parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in _COLUMNS]
+            parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in COLUMNS]
             first_id = record.num_voxels - len(rows) + start
             blobs = [np.ascontiguousarray(part).data for part in parts]
             values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
@@ -195,7 +195,7 @@ class State:
         """
         expected = 0
         with self._explained():
-            names = ", ".join(_COLUMNS)
+            names = ", ".join(COLUMNS)
             for first_id, count, *blobs, crc in self._db.execute(
                 f"SELECT first_id, count, {names}, crc FROM voxels ORDER BY first_id"
             ):
@@ -209,7 +209,7 @@ class State:
                 yield MapRows(
                     *(
                         np.frombuffer(blob, dtype).reshape(count, *shape)
-                        for blob, (dtype, shape) in zip(blobs, _COLUMNS.values(), strict=True)
+                        for blob, (dtype, shape) in zip(blobs, COLUMNS.values(), strict=True)
                     )
                 )
             last = self._db.execute(
