@@ -1,4 +1,7 @@
-"""Class tables: which index means which class. They travel with weights and clouds; nothing assumes an order."""
+"""Class tables: which index means which class.
+
+They travel with weights and clouds; nothing assumes an order.
+"""
 
 from collections.abc import Sequence
 
@@ -47,7 +50,9 @@ MCPNET_CLASSES = (
 
 
 def table_problem(classes: Sequence[str]) -> str | None:
-    """Say what keeps a class table out of labels of a byte and the headers of clouds, where commas part the names.
+    """Say what keeps a class table out of labels of a byte, or out of the headers of clouds.
+
+    Commas part the names there.
 
     Args:
         classes: Class names.

@@ -1,4 +1,4 @@
-"""Expected failures: each is one line that says what was found, what was expected and what to do."""
+"""Expected failures: each is one line: what was found, what was expected and what to do."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ class WeightsError(InputError):
 
 
 class StateError(McpsegError):
-    """A checkpoint that cannot be continued: in use, foreign, damaged or made under other settings."""
+    """A checkpoint that cannot be continued: in use, foreign, damaged or of other settings."""
 
 
 class StateInUseError(StateError):
@@ -50,7 +50,7 @@ class BelowThresholdError(McpsegError):
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Name the file in an OSError that does not: failed writes say what went wrong, but not where."""
+    """Name the file in an OSError that does not: failed writes say what went wrong, not where."""
     try:
         yield
     except OSError as error:

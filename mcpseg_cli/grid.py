@@ -8,7 +8,7 @@ MAX_VOXEL = 1 << 22
 
 
 def voxel_of(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.int32]:
-    """Return the voxel each point falls into: the nearest multiple of ``voxel_size``, halves upwards.
+    """Return the voxel of each point: the nearest multiple of ``voxel_size``, halves upwards.
 
     Args:
         xyz: (N, 3) float32, metres, map frame; finite and within ``MAX_VOXEL`` voxels of the

@@ -1,13 +1,9 @@
-"""The record that travels through the pipeline: one registered scan."""
+"""The records that travel through the pipeline: one registered scan, and labels of its points."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    pass
 
 GREY = 128
 """Colour of a scan that has none: the network's colour inputs are then (almost) zero."""
@@ -32,12 +28,9 @@ class Scan:
     def __post_init__(self) -> None:
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3 or self.xyz.dtype != np.float32:
             raise ValueError(f"xyz is {self.xyz.dtype} {self.xyz.shape}, expected float32 (N, 3)")
-        if self.rgb is not None and (
-            self.rgb.shape != self.xyz.shape or self.rgb.dtype != np.uint8
-        ):
-            raise ValueError(
-                f"rgb is {self.rgb.dtype} {self.rgb.shape}, expected uint8 {self.xyz.shape}"
-            )
+        rgb, shape = self.rgb, self.xyz.shape
+        if rgb is not None and (rgb.shape != shape or rgb.dtype != np.uint8):
+            raise ValueError(f"rgb is {rgb.dtype} {rgb.shape}, expected uint8 {shape}")
         if self.pose.shape != (4, 4):
             raise ValueError(f"pose is {self.pose.shape}, expected (4, 4)")
 

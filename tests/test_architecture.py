@@ -1,9 +1,12 @@
 """The rooms of the package: what each folder may import, and where heavy libraries may be."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
+
+import mcpseg_cli
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 GROUND = {"errors", "config", "classes", "grid", "scan", "building", "resumable"}
@@ -53,6 +56,18 @@ def test_every_room_imports_only_what_it_may():
     print(f"\n{len(edges)} imports between {len(MAY_IMPORT)} rooms of mcpseg_cli")
     assert sorted((room, other) for room, other in edges if other not in MAY_IMPORT[room]) == []
     assert len(edges) <= MOST_EDGES
+
+
+def test_the_text_of_the_architecture_names_every_room_and_what_it_imports():
+    ground, folders = (mcpseg_cli.__doc__ or "").split("A folder imports")
+    assert set(re.findall(r"^    (\w+)  ", ground, re.MULTILINE)) == GROUND
+
+    stated = {}
+    for room, about in re.findall(r"^    (\w+)/ +((?:.+\n)(?:     .+\n)*)", folders, re.MULTILINE):
+        named = re.search(r"imports ([\w, ]+)", " ".join(about.split()))
+        stated[room] = GROUND | set(named[1].split(", ") if named else [])
+    stated["cli"] = MAY_IMPORT["cli"]  # imports all
+    assert stated == {room: MAY_IMPORT[room] for room in set(MAY_IMPORT) - GROUND}
 
 
 def test_torch_typer_and_rich_stay_where_they_belong():

@@ -126,7 +126,7 @@ def ball(xyz: Tensor, centres: Tensor, radius: float) -> Tensor:
 
 
 def interpolate(xyz: Tensor, coarse_xyz: Tensor, features: Tensor) -> Tensor:
-    """Average the features of the three nearest coarse points, weighted by inverse squared distance.
+    """Average the features of the three nearest coarse points by inverse squared distance.
 
     Args:
         xyz: (B, N, 3), metres.

@@ -85,7 +85,7 @@ def import_checkpoint(prefix: Path) -> tuple[Network, WeightsInfo]:
 
 
 def _as_torch(kernel: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Put the outputs first, then the inputs; a convolution over single points is a linear layer."""
+    """Put outputs first, then inputs; a convolution over single points is a linear layer."""
     if kernel.ndim == 3 and len(kernel) == 1:
         kernel = kernel[0]
     if kernel.ndim < 2:

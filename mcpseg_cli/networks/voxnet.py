@@ -1,4 +1,7 @@
-"""VoxNet (Maturana and Scherer 2015) as the authors compare with it: a grid's features beside points."""
+"""VoxNet (Maturana and Scherer 2015), as the MCPNet authors compare with it (table I).
+
+The features of a grid of what is occupied around the robot are joined to every point.
+"""
 
 import torch
 from torch import Tensor, nn
