@@ -104,6 +104,6 @@ class MCPNet(Network):
 
 
 class MCPNetNoContext(MCPNet):
-    """MCPNet without context pooling (table I, "Proposed")."""
+    """MCPNet that sees each point without its context (table I, "Proposed")."""
 
     needs_context = False
