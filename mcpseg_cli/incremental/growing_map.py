@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import FloorRule
+from mcpseg_cli.config import MapSettings
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
@@ -40,10 +40,7 @@ class GrowingMap:
     """A voxel map that is fed one scan at a time; what segmentation sees, training sees.
 
     Args:
-        voxel_size: Edge of a voxel, metres.
-        local_range: Points farther than this from the robot, horizontally, are left for a later
-            scan, metres (III-B).
-        floor: How the height of the floor is found, or the height itself, metres, map frame.
+        settings: Edge of a voxel, range and floor.
 
     Attributes:
         voxels: The look-up table.
@@ -51,11 +48,10 @@ class GrowingMap:
             range.
     """
 
-    def __init__(self, voxel_size: float, local_range: float, floor: FloorRule | float) -> None:
-        self.voxels = VoxelMap(voxel_size)
+    def __init__(self, settings: MapSettings) -> None:
+        self.voxels = VoxelMap(settings.voxel_size)
         self.floor: float | None = None
-        self._local_range = local_range
-        self._floor_rule = floor
+        self._settings = settings
 
     def observe(self, scan: Scan) -> Observation:
         """Insert the points of a scan that are near the robot, and find the floor under it.
@@ -67,7 +63,7 @@ class GrowingMap:
         first_new = len(self.voxels)
 
         # points near the robot
-        near = near_robot(scan, self._local_range)
+        near = near_robot(scan, self._settings.local_range)
         near_xyz = scan.xyz[near]
 
         # new table entries
@@ -79,7 +75,7 @@ class GrowingMap:
 
         # the floor level
         if len(near_xyz):
-            rule, position = self._floor_rule, scan.position
+            rule, position = self._settings.floor, scan.position
             self.floor = find_floor(rule, self.voxels, position, near_xyz, self.floor)
         clock.lap("floor")
 
@@ -87,7 +83,7 @@ class GrowingMap:
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
         """Return (N,) int32: voxel of each point of a scan observed before, -1 out of range."""
-        near = near_robot(scan, self._local_range)
+        near = near_robot(scan, self._settings.local_range)
         point_ids = np.full(len(scan.xyz), -1, np.int32)
         point_ids[near] = self.voxels.find(scan.xyz[near])
         return point_ids

@@ -85,14 +85,14 @@ class IncrementalSegmenter:
         device: str = "cpu",
     ) -> None:
         self.method = make_method(method, settings or SegmentSettings(), precision, device)
-        self.settings = settings = self.method.settings
+        self.settings = self.method.settings
         self.classes = self.method.classes
         self.device = device
         self.precision = self.method.precision
 
         # the map: voxels, their classes, their objects
         self.num_scans = 0
-        self._growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
+        self._growing_map = GrowingMap(self.settings)
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
         self.clusters = Clusters(self.method.similarity)

@@ -78,8 +78,7 @@ class OfflineRun(SegmentRun):
             InputError: A scan cannot be read and ``on_error`` is ``stop``; nothing is kept.
             OutputError: The disk is full; nothing is kept.
         """
-        settings = self.segmenter.settings
-        growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
+        growing_map = GrowingMap(self.segmenter.settings)
         scans: list[_ReadScan] = []
         for source in self.pending:
             if should_stop():

@@ -61,7 +61,7 @@ class Replay:
         self.classes: tuple[str, ...] = ()
         self._semantic = Column(np.uint8)
         self._instance = Column(np.int32)
-        self._growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
+        self._growing_map = GrowingMap(settings)
         self._truth = area / "gt"
 
     @property
