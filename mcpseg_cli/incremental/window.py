@@ -1,0 +1,148 @@
+"""What the sparse U-Net is told about each voxel of a window: colour, place, looks, and the surface around it.
+
+A window is all voxels of the map within range of the robot. The inputs depend on the window's
+voxels and the floor only, not on where the robot stands in it or how often it is asked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mcpseg_cli.incremental.context import Colour
+
+NUM_INPUTS = 14
+_NEAR_FLOOR = (-0.3, 0.7)  # metres; skirtings, seats and table tops differ by centimetres
+_FLAT = 1e-6  # variance, in voxels, of what is a point
+
+
+def window_input(
+    xyz: NDArray[np.float32],
+    rgb: Colour,
+    looks: NDArray[np.integer],
+    voxel: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    *,
+    voxel_size: float,
+    floor: float,
+) -> NDArray[np.float32]:
+    """Describe the voxels of a window.
+
+    Args:
+        xyz: (V, 3) float32, metres: the point of each voxel.
+        rgb: (V, 3) uint8, or float32 in 0-255.
+        looks: (V,) integer: how many scans saw each.
+        voxel: (V, 3) int32 voxel indices.
+        neighbours: (V, 27) int32 from ``networks.sparse.find_neighbours``.
+        voxel_size: Edge of a voxel, metres.
+        floor: Height of the floor, metres.
+
+    Returns:
+        (V, 14) float32: colour / 255 - 0.5; height over the floor, coarse and fine; the point's
+        place in its voxel; one; looks, as a logarithm; linearity, planarity, scattering and
+        the normal's upright part of the surface within two voxels.
+    """
+    height = xyz[:, 2] - np.float32(floor)
+    place = (xyz / np.float32(voxel_size) - voxel).astype(np.float32)
+
+    inputs = np.empty((len(xyz), NUM_INPUTS), np.float32)
+    inputs[:, 0:3] = rgb / np.float32(255) - np.float32(0.5)
+    inputs[:, 3] = height / 2 - np.float32(0.5)
+    inputs[:, 4] = np.clip(height, *_NEAR_FLOOR)
+    inputs[:, 5:8] = place
+    inputs[:, 8] = 1
+    inputs[:, 9] = np.log1p(looks.astype(np.float32)) / 2 - np.float32(0.5)
+    _describe_surface(place, voxel, neighbours, inputs[:, 10:])
+    return inputs
+
+
+@njit(cache=True, nogil=True)
+def _describe_surface(
+    place: NDArray[np.float32],
+    voxel: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    shape: NDArray[np.float32],
+) -> None:
+    """Fill (V, 4) linearity, planarity, scattering and |normal z| from the points within two voxels.
+
+    A point counts as often as there are ways of two steps to it: nearer ones count more.
+    """
+    moments = np.empty(10, np.float64)
+    for i in range(voxel.shape[0]):
+        moments[:] = 0
+        for k in range(27):
+            j = neighbours[i, k]
+            if j >= 0:
+                for step in range(27):
+                    other = neighbours[j, step]
+                    if other >= 0:
+                        _add_point(voxel[other], voxel[i], place[other], moments)
+        _shape_of(moments, shape[i])
+
+
+@njit(cache=True, nogil=True)
+def _add_point(
+    voxel: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    place: NDArray[np.float32],
+    moments: NDArray[np.float64],
+) -> None:
+    """Add a point to a sum of ones, places and their products."""
+    x = voxel[0] - origin[0] + place[0]
+    y = voxel[1] - origin[1] + place[1]
+    z = voxel[2] - origin[2] + place[2]
+    moments[0] += 1
+    moments[1] += x
+    moments[2] += y
+    moments[3] += z
+    moments[4] += x * x
+    moments[5] += y * y
+    moments[6] += z * z
+    moments[7] += x * y
+    moments[8] += x * z
+    moments[9] += y * z
+
+
+@njit(cache=True, nogil=True)
+def _shape_of(moments: NDArray[np.float64], shape: NDArray[np.float32]) -> None:
+    """Turn moments into linearity, planarity, scattering (Weinmann et al., 2015) and |normal z|.
+
+    Eigenvalues in closed form (Smith, 1961); the normal is the longest cross product of two rows
+    of the covariance less its least eigenvalue.
+    """
+    count = moments[0]
+    x, y, z = moments[1] / count, moments[2] / count, moments[3] / count
+    xx, yy, zz = moments[4] / count - x * x, moments[5] / count - y * y, moments[6] / count - z * z
+    xy, xz, yz = moments[7] / count - x * y, moments[8] / count - x * z, moments[9] / count - y * z
+
+    # eigenvalues, largest first
+    mean = (xx + yy + zz) / 3
+    spread = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2
+    spread = np.sqrt((spread + 2 * (xy * xy + xz * xz + yz * yz)) / 6) + 1e-9
+    a, b, c = (xx - mean) / spread, (yy - mean) / spread, (zz - mean) / spread
+    d, e, f = xy / spread, xz / spread, yz / spread
+    half = (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)) / 2
+    angle = np.arccos(min(1.0, max(-1.0, half))) / 3
+    largest = max(mean + 2 * spread * np.cos(angle), _FLAT)
+    least = mean + 2 * spread * np.cos(angle + 2 * np.pi / 3)
+    middle = 3 * mean - largest - least
+
+    # the direction that varies least
+    a, b, c = xx - least, yy - least, zz - least
+    best, upright = 0.0, 0.0
+    for pair in range(3):
+        if pair == 0:
+            nx, ny, nz = xy * yz - xz * b, xz * xy - a * yz, a * b - xy * xy
+        elif pair == 1:
+            nx, ny, nz = xy * c - xz * yz, xz * xz - a * c, a * yz - xy * xz
+        else:
+            nx, ny, nz = b * c - yz * yz, yz * xz - xy * c, xy * yz - b * xz
+        length = nx * nx + ny * ny + nz * nz
+        if length > best:
+            best, upright = length, abs(nz) / np.sqrt(length)
+
+    shape[0] = (largest - middle) / largest
+    shape[1] = (middle - least) / largest
+    shape[2] = least / largest
+    shape[3] = upright

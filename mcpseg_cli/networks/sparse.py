@@ -1,0 +1,301 @@
+"""Voxels as a sparse grid: who is whose neighbour, what a coarser grid joins, and products that skip empty space.
+
+A window of the map is a few thousand occupied voxels of some hundred thousand. Tables name each
+voxel's 27 neighbours and its place in the next coarser grid; they are made once for a window and
+serve all layers. A depthwise convolution sums over the neighbours that exist; everything else a
+network does is a dense product of all voxels at once, so no empty neighbour is ever multiplied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+import torch
+from numba import njit
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+NUM_NEIGHBOURS = 27  # a voxel and the 26 around it
+NUM_FORWARD = 13  # neighbours of which each pair of voxels has one
+_CENTRE = 13
+NUM_CHILDREN = 8
+_BIAS = 1 << 20  # voxel indices are 21-bit within a window
+_EMPTY = -1
+Result = TypeVar("Result")
+_FEW_ROWS = 512  # fewer are not worth a second thread
+
+
+@dataclass(frozen=True)
+class Level:
+    """One resolution of a window.
+
+    Attributes:
+        neighbours: (V, 27) int32 rows of the voxels at offsets -1 to 1, x slowest; -1 where there is none.
+            Column 13 is the voxel itself, and 26 - k the opposite of k.
+        parent: (V,) int64 the voxel of the next coarser level that holds each; None at the coarsest.
+        corner: (V,) int64 which of its parent's eight parts it is.
+        children: (P, 8) int64 the voxels of each coarser one, V where there is none.
+    """
+
+    neighbours: Tensor
+    parent: Tensor | None = None
+    corner: Tensor | None = None
+    children: Tensor | None = None
+
+    def __len__(self) -> int:
+        return len(self.neighbours)
+
+    def to(self, device: torch.device) -> Level:
+        """Copy the tables to a device."""
+        others = (self.parent, self.corner, self.children)
+        moved = [None if table is None else table.to(device) for table in others]
+        return Level(self.neighbours.to(device), *moved)
+
+
+def make_levels(voxel: NDArray[np.int32], num_levels: int) -> list[Level]:
+    """Make the tables of a window, from its own resolution to the coarsest.
+
+    Args:
+        voxel: (V, 3) int32 distinct voxel indices, less than a million from 0.
+        num_levels: How many, each of voxels twice as wide.
+
+    Returns:
+        ``num_levels`` levels, the finest first.
+    """
+    levels = []
+    for _ in range(num_levels - 1):
+        neighbours = torch.from_numpy(find_neighbours(voxel))
+        coarse, parent, corner, children = _coarsen(voxel)
+        levels.append(Level(neighbours, *map(torch.from_numpy, (parent, corner, children))))
+        voxel = coarse
+    return [*levels, Level(torch.from_numpy(find_neighbours(voxel)))]
+
+
+@njit(cache=True, nogil=True)
+def _key(x: int, y: int, z: int) -> int:
+    """Pack voxel indices into 63 bits."""
+    bias = np.int64(_BIAS)
+    return int(((np.int64(x) + bias) << 42) | ((np.int64(y) + bias) << 21) | (np.int64(z) + bias))
+
+
+@njit(cache=True, nogil=True)
+def _probe(keys: NDArray[np.int64], key: int) -> int:
+    """Find the slot that holds ``key``, or the free one where it belongs."""
+    mask = keys.size - 1
+    mixed = key * np.int64(-7046029254386353131)
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while keys[slot] != key and keys[slot] != _EMPTY:
+        slot = (slot + 1) & mask
+    return int(slot)
+
+
+@njit(cache=True, nogil=True)
+def _empty_table(count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Make a hash table for so many voxels, at most half full."""
+    size = 16
+    while size < 2 * count:
+        size *= 2
+    return np.full(size, _EMPTY, np.int64), np.empty(size, np.int32)
+
+
+@njit(cache=True, nogil=True)
+def find_neighbours(voxel: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels; each pair is looked up once."""
+    count = voxel.shape[0]
+    keys, rows = _empty_table(count)
+    for i in range(count):
+        key = _key(voxel[i, 0], voxel[i, 1], voxel[i, 2])
+        slot = _probe(keys, key)
+        keys[slot], rows[slot] = key, i
+
+    table = np.full((count, NUM_NEIGHBOURS), _EMPTY, np.int32)
+    for i in range(count):
+        table[i, _CENTRE] = i
+        for k in range(NUM_FORWARD):
+            key = _key(
+                voxel[i, 0] + k // 9 - 1, voxel[i, 1] + k // 3 % 3 - 1, voxel[i, 2] + k % 3 - 1
+            )
+            slot = _probe(keys, key)
+            if keys[slot] == key:
+                table[i, k] = rows[slot]
+                table[rows[slot], NUM_NEIGHBOURS - 1 - k] = i
+    return table
+
+
+@njit(cache=True, nogil=True)
+def _coarsen(
+    voxel: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Join voxels two by two by two: coarse voxels, and parent, corner and children as in ``Level``."""
+    count = voxel.shape[0]
+    keys, rows = _empty_table(count)
+    coarse = np.empty((count, 3), np.int32)
+    parent, corner = np.empty(count, np.int64), np.empty(count, np.int64)
+    children = np.full((count, NUM_CHILDREN), count, np.int64)
+    num_coarse = 0
+    for i in range(count):
+        x, y, z = voxel[i, 0], voxel[i, 1], voxel[i, 2]
+        key = _key(x >> 1, y >> 1, z >> 1)
+        slot = _probe(keys, key)
+        if keys[slot] == _EMPTY:
+            keys[slot], rows[slot] = key, num_coarse
+            coarse[num_coarse, 0], coarse[num_coarse, 1], coarse[num_coarse, 2] = (
+                x >> 1,
+                y >> 1,
+                z >> 1,
+            )
+            num_coarse += 1
+        parent[i] = rows[slot]
+        corner[i] = (x & 1) * 4 + (y & 1) * 2 + (z & 1)
+        children[parent[i], corner[i]] = i
+    return coarse[:num_coarse].copy(), parent, corner, children[:num_coarse].copy()
+
+
+class DepthwiseConv(nn.Module):
+    """A 3 x 3 x 3 convolution of each feature by itself, over the voxels there are.
+
+    Args:
+        width: F, features.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(0.1 * torch.randn(NUM_NEIGHBOURS, width))
+        with torch.no_grad():
+            self.weight[_CENTRE] += 0.5  # begin near what a point alone says
+
+    def forward(self, features: Tensor, level: Level) -> Tensor:
+        """Sum over neighbours.
+
+        Args:
+            features: (V, F) float32.
+            level: The tables of these voxels.
+
+        Returns:
+            (V, F) float32.
+        """
+        if features.device.type == "cpu" and not torch.onnx.is_in_onnx_export():
+            summed: Tensor = _DepthwiseOnCpu.apply(features, level.neighbours, self.weight)  # type: ignore[no-untyped-call]
+            return summed
+        return sum_neighbours(features, level.neighbours, self.weight)
+
+
+def sum_neighbours(features: Tensor, neighbours: Tensor, weight: Tensor) -> Tensor:
+    """Convolve depthwise in plain torch, on any device: a gather and a product for each offset.
+
+    Args:
+        features: (V, F).
+        neighbours: (V, 27) integer rows, -1 for none.
+        weight: (27, F).
+
+    Returns:
+        (V, F).
+    """
+    padded = torch.cat([features, features.new_zeros(1, features.shape[1])])
+    total = features * weight[_CENTRE]
+    for k in range(NUM_NEIGHBOURS):
+        if k != _CENTRE:
+            total = total + padded[neighbours[:, k].long()] * weight[k]
+    return total
+
+
+class _DepthwiseOnCpu(torch.autograd.Function):
+    """The same in numba. Being a neighbour is symmetric, so that gradients are gathered, too."""
+
+    @staticmethod
+    def forward(ctx, features, neighbours, weight):  # type: ignore[no-untyped-def]
+        features = features.float().contiguous()
+        ctx.save_for_backward(features, neighbours, weight)
+        total = torch.empty_like(features)
+        known, table, by, answer = _arrays(features, neighbours, weight, total)  # type: ignore[no-untyped-call]
+        _share_rows(len(known), lambda *rows: _convolve(known, table, by, answer, *rows))
+        return total
+
+    @staticmethod
+    def backward(ctx, slope):  # type: ignore[no-untyped-def]
+        features, neighbours, weight = ctx.saved_tensors
+        of_features = torch.empty_like(features)
+        known, table, by, answer, slopes = _arrays(  # type: ignore[no-untyped-call]
+            features, neighbours, weight.flip(0), of_features, slope.contiguous()
+        )
+
+        def gather(first, last):  # type: ignore[no-untyped-def]
+            _convolve(slopes, table, by, answer, first, last)
+            of_weight = np.zeros_like(by)
+            _correlate(known, table, slopes, of_weight, first, last)
+            return of_weight
+
+        of_weights = _share_rows(len(known), gather)
+        return of_features, None, torch.from_numpy(np.sum(of_weights, axis=0))
+
+
+def _arrays(*tensors):  # type: ignore[no-untyped-def]
+    """View tensors as numpy arrays."""
+    return [tensor.detach().numpy() for tensor in tensors]
+
+
+def _share_rows(count: int, work: Callable[[int, int], Result]) -> list[Result]:
+    """Share rows among as many threads as torch uses; results in the order of the rows."""
+    threads = torch.get_num_threads() if count >= _FEW_ROWS else 1
+    ends = [count * part // threads for part in range(threads + 1)]
+    ranges = list(pairwise(ends))
+    if threads == 1:
+        return [work(*ranges[0])]
+
+    others = [_workers(threads).submit(work, *each) for each in ranges[1:]]
+    return [work(*ranges[0]), *[each.result() for each in others]]
+
+
+@cache
+def _workers(threads: int) -> ThreadPoolExecutor:
+    """Keep the threads beside the one that asks."""
+    return ThreadPoolExecutor(threads - 1)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+def _convolve(
+    features: NDArray[np.float32],
+    neighbours: NDArray[np.int32],
+    weight: NDArray[np.float32],
+    total: NDArray[np.float32],
+    first: int,
+    last: int,
+) -> None:
+    """Sum each voxel's neighbours, weighted by where they are, for rows ``first`` to ``last``."""
+    width = features.shape[1]
+    for i in range(first, last):
+        row = total[i]
+        row[:] = 0
+        for k in range(NUM_NEIGHBOURS):
+            j = neighbours[i, k]
+            if j != _EMPTY:
+                there, by = features[j], weight[k]
+                for c in range(width):
+                    row[c] += by[c] * there[c]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz"})
+def _correlate(
+    features: NDArray[np.float32],
+    neighbours: NDArray[np.int32],
+    gradient: NDArray[np.float32],
+    total: NDArray[np.float32],
+    first: int,
+    last: int,
+) -> None:
+    """Sum the gradient of the weights over rows ``first`` to ``last``."""
+    width = features.shape[1]
+    for i in range(first, last):
+        slope = gradient[i]
+        for k in range(NUM_NEIGHBOURS):
+            j = neighbours[i, k]
+            if j != _EMPTY:
+                there, row = features[j], total[k]
+                for c in range(width):
+                    row[c] += slope[c] * there[c]
