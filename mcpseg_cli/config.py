@@ -9,21 +9,16 @@ NUM_FEATURES = 6  # X Y Z R G B (III-B)
 HIDDEN = 200  # features of the intermediate layers (III-B)
 EMBEDDING = 50  # dimensions of the instance embedding (III-C)
 BATCH = 256  # N: points per batch of MCPNet (III-D)
-BASELINE_BATCH = (
-    1024  # points per batch of the networks it is compared with, in the authors' program
-)
+BASELINE_BATCH = 1024  # of the networks it is compared with, in the authors' program
 SIMILARITY = 0.9  # beta of MCPNet (IV-B)
 SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
-# metres, edge of the columns that a complete cloud is labelled in, as in the authors' program
-OFFLINE_BLOCK = 1.0
-TRIPLET_MARGIN = (
-    1.0  # alpha of the triplet loss on squared distances (III-C), as in the authors' program
-)
+OFFLINE_BLOCK = 1.0  # metres, columns a complete cloud is labelled in, in the authors' program
+TRIPLET_MARGIN = 1.0  # alpha, on squared distances (III-C), as in the authors' program
 
 ContextWindow = Literal["cells", "coarse"]
-"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27 cells of three voxels
-a side around the point, as in the authors' program. Weights carry which of the two they were
-trained with.
+"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27
+cells of three voxels a side around the point, as in the authors' program. Weights carry which of
+the two they were trained with.
 """
 
 Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
@@ -37,32 +32,40 @@ Frame = Literal["map", "sensor"]
 FloorRule = Literal["map", "scan-min"]
 
 
-class SegmentSettings(BaseModel):
-    """Everything that decides the labels of a run; lengths in metres.
-
-    Batch size and similarity, where they are not given, are the network's own; the defaults here
-    are MCPNet's.
+class MapSettings(BaseModel):
+    """How scans enter the voxel map: the same for segmentation and for training; lengths in metres.
 
     Attributes:
         voxel_size: Edge of a voxel of the look-up table (III-B).
         local_range: Points farther than this from the robot, horizontally, are left for a later
             scan (III-B).
-        batch_size: N, points per network batch; networks pool over them, so it is part of the
-            result (III-D).
-        similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
         floor: Height of the floor: from the map around the robot, the scan's lowest point, or a
             number.
-        seed: Seed of the context sample and the batch order; keyed with the scan number.
+        seed: Seed of the context sample and of every other choice; keyed with the scan number.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
     local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
-    batch_size: int = Field(default=BATCH, ge=1, le=65536)
-    similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
     floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     seed: int = Field(default=0, ge=0)
+
+
+class SegmentSettings(MapSettings):
+    """Everything that decides the labels of a run.
+
+    Batch size and similarity, where they are not given, are the network's own; the defaults here
+    are MCPNet's.
+
+    Attributes:
+        batch_size: N, points per network batch; networks pool over them, so it is part of the
+            result (III-D).
+        similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
+    """
+
+    batch_size: int = Field(default=BATCH, ge=1, le=65536)
+    similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
 
 
 class RegionGrowingSettings(BaseModel):
@@ -89,7 +92,7 @@ class RegionGrowingSettings(BaseModel):
 
 
 AUTHORS_SCANNER = {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0}
-"""What the simulated scanner of the authors' program covers; the paper says a full sphere (III-A)."""
+"""What the scanner of the authors' program covers; the paper says a full sphere (III-A)."""
 
 
 class RaytraceSettings(BaseModel):
@@ -189,43 +192,30 @@ class TrainSettings(BaseModel):
     seed: int = Field(default=0, ge=0, lt=1 << 63)
 
 
-class SampleSettings(BaseModel):
-    """Everything that decides the training samples of an area; lengths in metres.
+class SampleSettings(MapSettings):
+    """Everything that decides the training samples of an area.
 
-    Voxels, range and floor must be those of ``SegmentSettings``, or training sees what segmentation
-    does not.
+    Where the map's settings are not those of segmentation, training sees what that does not.
 
     Attributes:
-        voxel_size: Edge of a voxel of the look-up table (III-B).
-        local_range: Points farther than this from the robot, horizontally, are left for a later
-            scan (III-B).
-        floor: Height of the floor: from the map around the robot, the scan's lowest point, or a
-            number.
         context_window: Where context points come from.
         num_context: M, context points per point (III-B).
         seen_again: Of the voxels a scan sees again, how many become samples once more: a later look
             has more context.
-        seed: Seed of the context sample and of the choice among voxels seen again; keyed with the
-            scan number.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
-    local_range: float = Field(default=2.0, gt=0.0, le=1000.0)
-    floor: FloorRule | Annotated[float, Field(ge=-65536.0, le=65536.0)] = "map"
     context_window: ContextWindow = "cells"
     num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
     seen_again: int = Field(default=256, ge=0, le=1 << 20)
-    seed: int = Field(default=0, ge=0, lt=1 << 63)
 
 
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class AugmentSettings(BaseModel):
-    """How training batches are changed, each anew; 0 turns a part off. Lengths in metres, colours in 0-255.
+    """How training batches are changed, each anew; 0 turns a part off.
 
+    Lengths are in metres, colours in 0-255.
     ``grey``, ``luminance``, ``mirror``, ``context_dropout``, ``same_scan``, ``partial_view``,
     ``thinning`` and ``floor_lost`` are shares of the batches. The rest, where nothing else is said,
     is the half-width of a uniform distribution: ``gain: 0.3`` is a factor of 0.7 to 1.3.
