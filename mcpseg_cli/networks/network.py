@@ -1,14 +1,33 @@
 """What training and the segmenter ask of every network."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 from torch import Tensor, nn
 
 from mcpseg_cli.config import BASELINE_BATCH, SIMILARITY
 
 
+class Branches(NamedTuple):
+    """All that a network says about a batch, for its losses.
+
+    Attributes:
+        embedding: (..., N, E) of unit length; None for a network without.
+        logits: (..., N, C) class logits.
+        similarity: (..., N, E) features whose squared distances fill SGPN's similarity matrix, not
+            normalised; None for all others.
+        confidence: (..., N) overlap that SGPN expects of a point's group with its object, 0 to 1;
+            None for all others.
+    """
+
+    embedding: Tensor | None
+    logits: Tensor
+    similarity: Tensor | None = None
+    confidence: Tensor | None = None
+
+
 class Network(nn.Module):
-    """A network that labels the points around a robot; MCPNet and the networks it is compared with (tables I to III).
+    """A network that labels the points around a robot: MCPNet, or one it is compared with.
 
     Attributes:
         needs_context: Whether it pools context points; then ``forward`` must be given them.
@@ -39,6 +58,10 @@ class Network(nn.Module):
             class logits.
         """
         return self.label(centre, None if context is None else self.pool_context(context))
+
+    def branches(self, centre: Tensor, context: Tensor | None = None) -> Branches:
+        """Do as ``forward`` does, and give what else there is to train."""
+        return Branches(*self(centre, context))
 
     def pool_context(self, context: Tensor) -> Tensor:
         """Pool context points; only for networks that need them.

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from mcpseg_cli.config import EMBEDDING, SGPN_SIMILARITY
-from mcpseg_cli.networks.network import Network, initialise, perceptron
+from mcpseg_cli.networks.network import Branches, Network, initialise, perceptron
 from mcpseg_cli.networks.pointnet import JOINT_WIDTHS, PointFeatures
 
 _HIDDEN = 64  # of the class and the confidence branch
@@ -36,21 +36,15 @@ class SGPN(Network):
         self.confide = nn.Sequential(nn.Linear(width, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, 1))
         self.apply(initialise)
 
-    def branches(self, centre: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Give what its losses need.
-
-        Args:
-            centre: (N, 6) or (B, N, 6).
-
-        Returns:
-            (..., N, E) similarity features, not normalised: their squared distances fill the
-            similarity matrix. (..., N, C) class logits. (..., N) confidence: the overlap expected
-            of a point's group with its object, 0 to 1.
-        """
+    def branches(self, centre: Tensor, context: Tensor | None = None) -> Branches:
+        """Give what its losses need; see ``Network``."""
         features = self.features(centre)
-        return self.embed(features), self.classify(features), self.confide(features).squeeze(-1)
+        similarity = self.embed(features)
+        embedding = functional.normalize(similarity.float(), dim=-1, eps=1e-6)
+        confidence = self.confide(features).squeeze(-1)
+        return Branches(embedding, self.classify(features), similarity, confidence)
 
-    def label(self, centre: Tensor, pooled: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def label(self, centre: Tensor, pooled: Tensor | None = None) -> tuple[Tensor | None, Tensor]:
         """Embed and classify points; see ``Network``."""
-        similarity, logits, _ = self.branches(centre)
-        return functional.normalize(similarity, dim=-1, eps=1e-6), logits
+        branches = self.branches(centre)
+        return branches.embedding, branches.logits

@@ -1,4 +1,4 @@
-"""What training makes small, and the scores that say how far it got (III-D)."""
+"""What training makes small (III-D): the weighted sum of a network's losses on a batch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from torch import Tensor
 
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.sgpn import SGPN
 from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.losses import (
     classification_loss,
@@ -75,40 +74,40 @@ class Objective:
         return (outcome.losses * self._weights).sum()
 
     def evaluate(self, network: Network, batch: TensorBatch) -> Outcome:
-        """Run a network on one batch and compute its losses; points without an object count in the class loss only."""
-        features = confidence = None
-        with torch.autocast(
-            self._device.type, torch.bfloat16, enabled=self._settings.precision == "bf16"
-        ):
-            if isinstance(network, SGPN):
-                features, logits, confidence = network.branches(batch.centre)
-                embedding = torch.nn.functional.normalize(features.float(), dim=-1, eps=1e-6)
-            else:
-                embedding, logits = network(batch.centre, batch.context)
-        logits = logits.float()
+        """Run a network on one batch and compute its losses.
+
+        Points without an object count in the class loss only.
+        """
+        is_bf16 = self._settings.precision == "bf16"
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=is_bf16):
+            branches = network.branches(batch.centre, batch.context)
+        logits = branches.logits.float()
+        embedding = None if branches.embedding is None else branches.embedding.float()
+
+        # class branch: cross-entropy (III-C)
         of_class = classification_loss(logits, batch.semantic, self._class_weights)
         of_instance = of_confidence = of_class.new_zeros(())
+
+        # instance branch: triplets (III-C), or SGPN's pairs and their confidence
         has_object = batch.instance > 0
         instance = batch.instance[has_object]
-        if embedding is not None and len(instance):
-            if features is None or confidence is None:
-                embedding = embedding.float()
-                of_instance = triplet_semihard_loss(
-                    embedding[has_object], instance, self._settings.margin
-                )
-            else:
-                near = features.float()[has_object]
-                of_instance = sgpn_double_hinge_loss(near, batch.semantic[has_object], instance)
-                of_confidence = sgpn_confidence_loss(confidence.float()[has_object], near, instance)
+        if branches.similarity is not None and branches.confidence is not None and len(instance):
+            near = branches.similarity.float()[has_object]
+            confidence = branches.confidence.float()[has_object]
+            of_instance = sgpn_double_hinge_loss(near, batch.semantic[has_object], instance)
+            of_confidence = sgpn_confidence_loss(confidence, near, instance)
+        elif embedding is not None and len(instance):
+            margin = self._settings.margin
+            of_instance = triplet_semihard_loss(embedding[has_object], instance, margin)
+
         return Outcome(torch.stack([of_class, of_instance, of_confidence]), logits, embedding)
 
 
 def to_tensors(batch: Batch) -> TensorBatch:
-    """Copy a batch into torch's own memory, whose alignment does not change from run to run, on the processor."""
-    context = None if batch.context is None else torch.tensor(batch.context)
+    """Copy a batch into torch's own memory, on the processor: its alignment is always the same."""
     return TensorBatch(
         torch.tensor(batch.centre),
-        context,
+        None if batch.context is None else torch.tensor(batch.context),
         torch.tensor(batch.semantic),
         torch.tensor(batch.instance),
     )
@@ -118,7 +117,9 @@ def move_batch(batch: TensorBatch, device: torch.device) -> TensorBatch:
     """Move a batch to the device that the network is on."""
     if device.type == "cpu":
         return batch
-    context = None if batch.context is None else batch.context.to(device)
     return TensorBatch(
-        batch.centre.to(device), context, batch.semantic.to(device), batch.instance.to(device)
+        batch.centre.to(device),
+        None if batch.context is None else batch.context.to(device),
+        batch.semantic.to(device),
+        batch.instance.to(device),
     )

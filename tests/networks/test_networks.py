@@ -10,9 +10,8 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pointnet import PointNet
 from mcpseg_cli.networks.pointnet2 import ball, farthest_points, gather, interpolate
-from mcpseg_cli.networks.sgpn import SGPN
 from mcpseg_cli.networks.voxnet import occupancy
-from mcpseg_cli.networks.weights import Architecture, WeightsInfo, build_network
+from mcpseg_cli.networks.weights import NETWORKS, Architecture, WeightsInfo, build_network
 from mcpseg_cli.train.losses import (
     classification_loss,
     sgpn_confidence_loss,
@@ -47,16 +46,11 @@ def total_loss(
     """The losses of the paper for one batch: a class for each corner of the room, two objects in each."""
     semantic = (centre[:, 0] > 0) + 2 * (centre[:, 1] > 0)
     instance = 2 * semantic + (centre[:, 2] > 1.5)
-    if isinstance(network, SGPN):
-        features, logits, confidence = network.branches(centre)
-        similarity = sgpn_double_hinge_loss(features, semantic, instance)
-        return (
-            classification_loss(logits, semantic)
-            + similarity
-            + sgpn_confidence_loss(confidence, features, instance)
-        )
-    embedding, logits = network(centre, context)
+    embedding, logits, similarity, confidence = network.branches(centre, context)
     loss = classification_loss(logits, semantic)
+    if similarity is not None:
+        loss = loss + sgpn_double_hinge_loss(similarity, semantic, instance)
+        return loss + sgpn_confidence_loss(confidence, similarity, instance)
     return loss if embedding is None else loss + triplet_semihard_loss(embedding, instance)
 
 
@@ -65,8 +59,8 @@ def test_networks_give_what_they_claim(architecture):
     network = build(architecture)
     with torch.inference_mode():
         embedding, logits = network(*make_input(network, POINTS))
-    assert network.needs_context == (architecture == "mcpnet")
-    assert network.batch_size == (256 if architecture.startswith("mcpnet") else 1024)
+    assert NETWORKS[architecture].needs_context == (architecture == "mcpnet")
+    assert NETWORKS[architecture].batch_size == (256 if "mcpnet" in architecture else 1024)
     assert logits.shape == (POINTS, 13)
     assert (
         (embedding is not None)
