@@ -23,12 +23,14 @@ import torch
 from mcpseg_cli.config import BATCH, AugmentSettings, SampleSettings, TrainSettings
 from mcpseg_cli.networks.device import use_threads
 from mcpseg_cli.networks.weights import load_weights
-from mcpseg_cli.train.batches import AreaSamples, BatchSource
+from mcpseg_cli.train.batches import BatchSource
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
+from mcpseg_cli.train.folder import TrainFiles
 from mcpseg_cli.train.folds import Area, Fold, find_areas, make_folds
 from mcpseg_cli.train.objective import Objective, to_tensors
 from mcpseg_cli.train.ranks import Ranks
-from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
+from mcpseg_cli.train.run import TrainRequest, TrainRun
+from mcpseg_cli.train.samples import AreaSamples
 from mcpseg_cli.train.scores import Tally
 
 PARTS = {  # what is left out together

@@ -209,6 +209,20 @@ class SampleSettings(MapSettings):
     seen_again: int = Field(default=256, ge=0, le=1 << 20)
 
 
+class CheckpointSettings(BaseModel):
+    """When a training writes checkpoints, apart from the end of each epoch.
+
+    Attributes:
+        minutes: From one to the next.
+        keep: Whether the last stays when training is done.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    minutes: float = Field(default=10.0, ge=0.0)
+    keep: bool = False
+
+
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 

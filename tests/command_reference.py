@@ -4,7 +4,7 @@ import inspect
 import re
 from enum import Enum
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo
 
@@ -60,11 +60,10 @@ def placeholder(kind) -> str:
 def choices(kind) -> list[str]:
     """Give the values of an option that takes one of a few."""
     kinds = [kind, *get_args(kind)]
-    return [
-        value.value
-        for kind in kinds
-        if inspect.isclass(kind) and issubclass(kind, Enum)
-        for value in kind
+    enums = [each for each in kinds if inspect.isclass(each) and issubclass(each, Enum)]
+    literals = [each for each in kinds if get_origin(each) is Literal]
+    return [value.value for each in enums for value in each] + [
+        value for each in literals for value in get_args(each)
     ]
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.cli.options import FormatChoice, Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.building import Building
@@ -116,21 +117,25 @@ def raytrace(
     import json
 
     from mcpseg_cli.cli.display import print_table
-    from mcpseg_cli.config import AUTHORS_SCANNER
+    from mcpseg_cli.config import AUTHORS_SCANNER, RaytraceSettings
 
-    preset = AUTHORS_SCANNER if scanner is ScannerChoice.AUTHORS else {}
-    chosen = {"lowest_deg": v_min, "highest_deg": v_max, "reach": reach}
-    settings = _settings(
-        preset
-        | {name: value for name, value in chosen.items() if value is not None}
-        | {
+    settings = settings_of(
+        RaytraceSettings,
+        {
             "voxel_size": voxel_size,
             "step": step,
             "height": height,
+            "reach": reach,
+            "lowest_deg": v_min,
+            "highest_deg": v_max,
             "horizontal_deg": h_res,
             "vertical_deg": v_res,
-        }
-        | {"noise": noise, "dropout": dropout, "seed": seed}
+            "noise": noise,
+            "dropout": dropout,
+            "seed": seed,
+        },
+        _OPTIONS,
+        before=AUTHORS_SCANNER if scanner is ScannerChoice.AUTHORS else None,
     )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):
@@ -164,33 +169,12 @@ def _name_of(area: Path) -> str:
     return Path(os.path.abspath(area)).name  # noqa: PTH100
 
 
-def _settings(values: dict[str, float]) -> RaytraceSettings:
-    """Check the options that decide the scans."""
-    from pydantic import ValidationError
-
-    from mcpseg_cli.config import RaytraceSettings
-
-    try:
-        return RaytraceSettings.model_validate(values)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        if not problem["loc"]:
-            raise typer.BadParameter("--v-min must be below --v-max") from error
-        raise typer.BadParameter(f"{_OPTIONS[str(problem['loc'][0])]}: {problem['msg']}") from error
-
-
 _OPTIONS = {
-    "voxel_size": "--voxel-size",
+    "reach": "--range",
     "lowest_deg": "--v-min",
     "highest_deg": "--v-max",
-    "reach": "--range",
     "horizontal_deg": "--h-res",
     "vertical_deg": "--v-res",
-    "step": "--step",
-    "height": "--height",
-    "noise": "--noise",
-    "dropout": "--dropout",
-    "seed": "--seed",
 }
 
 

@@ -28,9 +28,9 @@ from mcpseg_cli.cli.options import (
     Verbose,
     WeightsName,
 )
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
-    from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
@@ -132,9 +132,20 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     from mcpseg_cli.cli.display import notice
+    from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
 
-    settings = _settings(voxel_size, local_range, similarity, floor, seed)
+    settings = settings_of(
+        SegmentSettings,
+        {
+            "voxel_size": voxel_size,
+            "local_range": local_range,
+            "similarity": similarity,
+            "floor": floor,
+            "seed": seed,
+        },
+        {"local_range": "--range"},
+    )
     recording = open_recording(scans, poses, frame.value)
 
     import numpy as np
@@ -238,33 +249,6 @@ class _Tally:
             self.points_labelled += int((report.update.point_ids >= 0).sum())
             self.ms.append(report.ms)
             self.stages.append(report.update.ms)
-
-
-def _settings(
-    voxel_size: float, local_range: float, similarity: float | None, floor: str, seed: int
-) -> SegmentSettings:
-    """Check the options that decide the labels."""
-    from pydantic import ValidationError
-
-    from mcpseg_cli.config import SegmentSettings
-
-    try:
-        height: object = float(floor)
-    except ValueError:
-        height = floor
-    try:
-        given = {
-            "voxel_size": voxel_size,
-            "local_range": local_range,
-            "floor": height,
-            "seed": seed,
-        }
-        return SegmentSettings.model_validate(
-            given | ({} if similarity is None else {"similarity": similarity})
-        )
-    except ValidationError as error:
-        problem = error.errors()[0]
-        raise typer.BadParameter(f"{problem['loc'][0]}: {problem['msg']}") from error
 
 
 def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bool) -> None:

@@ -42,6 +42,7 @@ def write_checkpoint(path: Path, state: TrainState, identity: Mapping[str, JsonV
     Raises:
         OSError: The disk is full or the folder not writable; the checkpoint before stays.
     """
+    # every tensor under a name that says what it is
     groups = {
         _NETWORK: state.network,
         _BEST: state.best_network,
@@ -60,6 +61,8 @@ def write_checkpoint(path: Path, state: TrainState, identity: Mapping[str, JsonV
         curves=state.curves,
         best=state.best,
     )
+
+    # on the disk before it replaces the one before
     partial = path.with_name(path.name + ".part")
     try:
         with naming(path):
@@ -91,10 +94,12 @@ def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, ValidationError) as error:
         raise StateError(
-            f"{path}: not a checkpoint of this version, or damaged; expected one that was not finished; "
-            "give --overwrite to start anew"
+            f"{path}: not a checkpoint of this version, or damaged; "
+            "expected one that was not finished; give --overwrite to start anew"
         ) from error
     check_identity(path, description.identity, identity)
+
+    # tensors by what they are
     groups = {
         prefix: {
             name.removeprefix(prefix): tensor

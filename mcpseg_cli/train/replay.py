@@ -1,4 +1,4 @@
-"""Replay of a ray-traced area: every scan exactly as segmentation sees it, with the truth about its voxels."""
+"""Replay of a ray-traced area: every scan as segmentation sees it, with the truth about it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,10 @@ class Replay:
 
     @property
     def semantic(self) -> NDArray[np.uint8]:
-        """(V,) uint8 class of the point that founded each voxel, 255 unknown. A view, valid until the next scan."""
+        """(V,) uint8 class of the point that founded each voxel, 255 unknown.
+
+        A view, valid until the next scan.
+        """
         return self._semantic.rows
 
     @property
@@ -102,6 +105,8 @@ class Replay:
         semantic, instance = truth.label("semantic"), truth.label("instance")
         if semantic is None or instance is None or not truth.classes:
             raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
+
+        # the same points as the scan's, in the classes of the scans before
         if not all(np.array_equal(truth.columns[axis], cloud.columns[axis]) for axis in "xyz"):
             raise InputError(
                 path, "other points than the scan's", "the same points in the same order", _REMEDY
@@ -112,6 +117,7 @@ class Replay:
             )
         if instance.min() < 0 or instance.max() > np.iinfo(np.int32).max:
             raise InputError(path, "object ids out of range", "0 to 2,147,483,647", _REMEDY)
+
         self.classes = truth.classes
         labels = semantic.astype(np.int64)
         known = (labels >= 0) & (labels < len(truth.classes))

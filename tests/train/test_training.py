@@ -251,7 +251,7 @@ def test_fewer_held_out_batches_than_processes_are_refused():
         TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"
     ):
         make_trainer(World(6), World(2), ranks=Ranks(0, 3))
-    with pytest.raises(TrainingError, match="raise --validation-batches"):
+    with pytest.raises(TrainingError, match="raise validation_batches"):
         make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
 
 
@@ -269,9 +269,10 @@ def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
 
     monkeypatch.setattr(trainer._objective, "evaluate", evaluate)
     batches = [_tensors(batch) for batch in World(1).epoch(0)]
-    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[
-        part
-    ]
+    work = {
+        "learn": lambda: trainer._learn(batches),
+        "validate": lambda: trainer._validate(World(2), bool),
+    }[part]
     with pytest.raises(
         TrainingError, match="out of memory; expected room for a batch; lower --batch-size"
     ):
@@ -456,5 +457,7 @@ def test_fine_tuning_keeps_what_both_class_tables_name(architecture):
 def test_weights_of_another_network_are_refused():
     old = WeightsInfo(architecture="voxnet", classes=CLASSES)
     new = WeightsInfo(architecture="mcpnet", classes=CLASSES)
-    with pytest.raises(WeightsError, match=r"--init old: voxnet; expected mcpnet; .*--net voxnet"):
+    with pytest.raises(
+        WeightsError, match=r"--weights old: voxnet; expected mcpnet; .*--net voxnet"
+    ):
         adopt(build_network(new), new, Weights(build_network(old), old, "", "old"))
