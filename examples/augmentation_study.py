@@ -27,7 +27,7 @@ from mcpseg_cli.train.batches import BatchSource
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
 from mcpseg_cli.train.folder import TrainFiles
 from mcpseg_cli.train.folds import Area, Fold, find_areas, make_folds
-from mcpseg_cli.train.objective import Objective, to_tensors
+from mcpseg_cli.train.objective import Objective
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.run import TrainRequest, TrainRun
 from mcpseg_cli.train.samples import AreaSamples
@@ -137,7 +137,7 @@ def score(
             samples_per_instance=0,
         )  # fmt: skip
         tally = Tally(len(area.classes), torch.device("cpu"))
-        for batch in map(to_tensors, islice(source.epoch(0), options.validation_batches)):
+        for batch in map(objective.to_tensors, islice(source.epoch(0), options.validation_batches)):
             outcome = objective.evaluate(network, batch)
             tally.add(outcome, objective.total(outcome), batch)
         scores = tally.scores()

@@ -21,7 +21,9 @@ cells of three voxels a side around the point, as in the authors' program. Weigh
 the two they were trained with.
 """
 
-Architecture = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
+Architecture = Literal[
+    "unet", "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"
+]
 Method = Literal[
     "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing"
 ]
@@ -139,7 +141,8 @@ class TrainSettings(BaseModel):
     Attributes:
         architecture: Which network.
         epochs: Passes over the training data (III-D).
-        batch_size: N, points per batch; None: the network's own, 256 for MCPNet (III-D).
+        batch_size: N, points per batch, or windows for the U-Net; None: the network's own, 256 for
+            MCPNet (III-D).
         learning_rate: Of Adam (III-D).
         schedule: ``constant`` (III-D), or ``cosine``: it falls to 0 over the run.
         warm_up: Epochs over which the learning rate rises to its value; a fraction is fine.
@@ -149,6 +152,7 @@ class TrainSettings(BaseModel):
         class_weight: Weight of the class loss in the sum.
         instance_weight: Weight of the triplet loss, or of SGPN's double hinge, in the sum.
         confidence_weight: Weight of SGPN's confidence loss in the sum.
+        label_smoothing: Share of certainty that the U-Net's class loss does not ask for.
         class_balance: What an error costs: the same for all classes, or by the inverse root of
             their frequency.
         batches_per_epoch: An epoch ends after so many batches; None: after one of every scan.
@@ -179,6 +183,7 @@ class TrainSettings(BaseModel):
     class_weight: float = Field(default=1.0, ge=0.0)
     instance_weight: float = Field(default=1.0, ge=0.0)
     confidence_weight: float = Field(default=1.0, ge=0.0)
+    label_smoothing: float = Field(default=0.0, ge=0.0, lt=1.0)
     class_balance: Literal["none", "sqrt"] = "none"
     batches_per_epoch: int | None = Field(default=None, ge=1)
     batches_per_step: int = Field(default=1, ge=1, le=1024)
@@ -192,6 +197,28 @@ class TrainSettings(BaseModel):
     seed: int = Field(default=0, ge=0, lt=1 << 63)
 
 
+WINDOW_TRAINING: dict[str, object] = {
+    "epochs": 10,
+    "batch_size": 2,
+    "learning_rate": 3e-3,
+    "schedule": "cosine",
+    "warm_up": 0.1,
+    "weight_decay": 0.02,
+    "max_gradient": 5.0,
+    "class_balance": "sqrt",
+    "label_smoothing": 0.05,
+}
+"""How the sparse U-Net is trained where nothing else is said."""
+
+WINDOW_SAMPLES: dict[str, object] = {
+    "voxel_size": 0.05,
+    "local_range": 6.0,
+    "num_context": 0,
+    "seen_again": 0,
+}
+"""How areas are replayed for it: finer than its voxels, as far as scanners see in rooms."""
+
+
 class SampleSettings(MapSettings):
     """Everything that decides the training samples of an area.
 
@@ -199,14 +226,36 @@ class SampleSettings(MapSettings):
 
     Attributes:
         context_window: Where context points come from.
-        num_context: M, context points per point (III-B).
+        num_context: M, context points per point (III-B); 0 for networks that see whole windows.
         seen_again: Of the voxels a scan sees again, how many become samples once more: a later look
             has more context.
     """
 
     context_window: ContextWindow = "cells"
-    num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
+    num_context: int = Field(default=NUM_CONTEXT, ge=0, le=1024)
     seen_again: int = Field(default=256, ge=0, le=1 << 20)
+
+
+class WindowSettings(BaseModel):
+    """Which windows of the map the sparse U-Net is trained on; lengths in metres.
+
+    Attributes:
+        voxel_size: Edge of a voxel of the network; areas are replayed on a finer grid.
+        shortest_range: Ranges are drawn evenly from this ...
+        longest_range: ... to this.
+        young: Share of the windows that a few scans in a row made, not all there were.
+        most_scans: Most such scans; their number is log-uniform.
+        most_voxels: Most voxels of a window; those nearest the robot stay.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
+    shortest_range: float = Field(default=2.0, gt=0.0, le=1000.0)
+    longest_range: float = Field(default=5.0, gt=0.0, le=1000.0)
+    young: float = Field(default=0.7, ge=0.0, le=1.0)
+    most_scans: int = Field(default=80, ge=1)
+    most_voxels: int = Field(default=6000, ge=500)
 
 
 class CheckpointSettings(BaseModel):
@@ -264,6 +313,10 @@ class AugmentSettings(BaseModel):
             context.
         thinning: Voxels dropped at random, from the points and their context.
         thinning_share: Largest part dropped.
+        right_angle: Windows only: turned by a multiple of 90 degrees, as most maps lie.
+        holes: Windows only: balls of points gone, as behind what stands before them.
+        hole_radius: Largest radius of a hole.
+        no_ceiling: Windows only: all above some height gone.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -293,6 +346,18 @@ class AugmentSettings(BaseModel):
     partial_view: _Share = 0.3
     thinning: _Share = 0.3
     thinning_share: _Share = 0.5
+    right_angle: _Share = 0.0
+    holes: _Share = 0.0
+    hole_radius: float = Field(default=0.8, ge=0.0, le=10.0)
+    no_ceiling: _Share = 0.0
+
+    @classmethod
+    def of_windows(cls) -> Self:
+        """Return the defaults for the sparse U-Net: a map lies any way, and much of it is unseen."""
+        return cls(
+            jitter=0.025, floor_error=0.03, grey=0.2, partial_view=0.3, thinning=0.25,
+            thinning_share=0.6, right_angle=0.3, holes=0.4, no_ceiling=0.3,
+        )  # fmt: skip
 
     @classmethod
     def off(cls) -> Self:

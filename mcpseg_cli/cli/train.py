@@ -13,10 +13,12 @@ from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.train.ranks import Ranks
 
-Net = Literal["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
+Net = Literal["unet", "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
 
 _OPTIONS = {
     "architecture": "--net",
@@ -152,7 +154,13 @@ def train(
       mcpseg train data/ --config trained/mcpnet-holdout6.toml --seed 1 -o again/
       torchrun --nproc-per-node 2 -m mcpseg_cli train --holdout 6 --device cuda
     """
-    from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
+    from mcpseg_cli.config import (
+        WINDOW_SAMPLES,
+        WINDOW_TRAINING,
+        AugmentSettings,
+        SampleSettings,
+        TrainSettings,
+    )
     from mcpseg_cli.train.class_table import read_class_table
     from mcpseg_cli.train.folds import find_areas, make_folds
     from mcpseg_cli.train.settings_file import SettingsFile, read_settings
@@ -161,6 +169,7 @@ def train(
     if resume and overwrite:
         raise typer.BadParameter("--resume and --overwrite exclude each other")
     file = SettingsFile() if config is None else read_settings(config)
+    is_unet = (net or file.train.architecture) == "unet"
     settings = settings_of(
         TrainSettings,
         {
@@ -173,9 +182,11 @@ def train(
             "seed": seed,
         },
         _OPTIONS,
-        before=file.train.model_dump(),
+        before={**(WINDOW_TRAINING if is_unet else {}), **_given(file.train)},
     )
-    parts = {"default": AugmentSettings(), "none": AugmentSettings.off(), None: file.augment}
+    own = AugmentSettings.of_windows() if is_unet else AugmentSettings()
+    changed = own.model_copy(update=_given(file.augment))
+    parts = {"default": own, "none": AugmentSettings.off(), None: changed}
     mapping = file.classes if classes is None else read_class_table(classes)
 
     # what to train on
@@ -199,10 +210,13 @@ def train(
         SampleSettings,
         {"num_context": context, "local_range": local_range, "seed": seed},
         _OPTIONS,
-        before={**_context_of(initial), **file.samples.model_dump(exclude_unset=True)},
+        before={
+            **(WINDOW_SAMPLES if is_unet else _context_of(initial)),
+            **_given(file.samples),
+        },
     )
-    own = NETWORKS[settings.architecture].batch_size
-    settings = settings.model_copy(update={"batch_size": settings.batch_size or own})
+    size = settings.batch_size or NETWORKS[settings.architecture].batch_size
+    settings = settings.model_copy(update={"batch_size": size})
 
     options = TaskOptions(
         resume=resume,
@@ -213,13 +227,18 @@ def train(
         as_json=as_json,
         command=("mcpseg", *sys.argv[1:]),
     )
-    request = DataSettings(samples, parts[augment], mapping, cache)
+    request = DataSettings(samples, parts[augment], file.windows, mapping, cache)
     task = TrainTask(settings, request, initial, _ranks(), device, options)
     names = [name or f"{settings.architecture}-{fold.label}" for fold in folds]
     task.run(
         areas,
         [(fold, TrainFiles(output, each)) for fold, each in zip(folds, names, strict=True)],
     )
+
+
+def _given(settings: BaseModel) -> dict[str, object]:
+    """Give the settings that a file says something about."""
+    return settings.model_dump(exclude_unset=True)
 
 
 def _initial(name: str | None) -> Weights | None:

@@ -53,55 +53,55 @@ def window_input(
     inputs[:, 5:8] = place
     inputs[:, 8] = 1
     inputs[:, 9] = np.log1p(looks.astype(np.float32)) / 2 - np.float32(0.5)
-    _describe_surface(place, voxel, neighbours, inputs[:, 10:])
+    _describe_surface(_moments(place), neighbours, inputs[:, 10:])
     return inputs
+
+
+def _moments(place: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Give (V, 10) float64 one, places and their products of (V, 3) points."""
+    x, y, z = place.T.astype(np.float64)
+    return np.stack([np.ones(len(x)), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
 
 
 @njit(cache=True, nogil=True)
 def _describe_surface(
-    place: NDArray[np.float32],
-    voxel: NDArray[np.int32],
-    neighbours: NDArray[np.int32],
-    shape: NDArray[np.float32],
+    own: NDArray[np.float64], neighbours: NDArray[np.int32], shape: NDArray[np.float32]
 ) -> None:
-    """Fill (V, 4) linearity, planarity, scattering and |normal z| from the points within two voxels.
+    """Fill (V, 4) linearity, planarity, scattering and |normal z| from points within two voxels.
 
-    A point counts as often as there are ways of two steps to it: nearer ones count more.
+    A point counts as often as there are ways of two steps to it: nearer ones count more. So the
+    moments of the neighbours, ``own`` (V, 10), are summed, and then the sums of the neighbours.
     """
+    count = own.shape[0]
+    near = np.zeros((count, 10), np.float64)
+    for i in range(count):
+        for k in range(27):
+            if neighbours[i, k] >= 0:
+                _add_moments(own[neighbours[i, k]], k, near[i])
+
     moments = np.empty(10, np.float64)
-    for i in range(voxel.shape[0]):
+    for i in range(count):
         moments[:] = 0
         for k in range(27):
-            j = neighbours[i, k]
-            if j >= 0:
-                for step in range(27):
-                    other = neighbours[j, step]
-                    if other >= 0:
-                        _add_point(voxel[other], voxel[i], place[other], moments)
+            if neighbours[i, k] >= 0:
+                _add_moments(near[neighbours[i, k]], k, moments)
         _shape_of(moments, shape[i])
 
 
 @njit(cache=True, nogil=True)
-def _add_point(
-    voxel: NDArray[np.int32],
-    origin: NDArray[np.int32],
-    place: NDArray[np.float32],
-    moments: NDArray[np.float64],
-) -> None:
-    """Add a point to a sum of ones, places and their products."""
-    x = voxel[0] - origin[0] + place[0]
-    y = voxel[1] - origin[1] + place[1]
-    z = voxel[2] - origin[2] + place[2]
-    moments[0] += 1
-    moments[1] += x
-    moments[2] += y
-    moments[3] += z
-    moments[4] += x * x
-    moments[5] += y * y
-    moments[6] += z * z
-    moments[7] += x * y
-    moments[8] += x * z
-    moments[9] += y * z
+def _add_moments(there: NDArray[np.float64], k: int, moments: NDArray[np.float64]) -> None:
+    """Add the moments of neighbour ``k``, as they are from the voxel's own centre."""
+    x, y, z = k // 9 - 1, k // 3 % 3 - 1, k % 3 - 1
+    moments[0] += there[0]
+    moments[1] += there[1] + x * there[0]
+    moments[2] += there[2] + y * there[0]
+    moments[3] += there[3] + z * there[0]
+    moments[4] += there[4] + 2 * x * there[1] + x * x * there[0]
+    moments[5] += there[5] + 2 * y * there[2] + y * y * there[0]
+    moments[6] += there[6] + 2 * z * there[3] + z * z * there[0]
+    moments[7] += there[7] + x * there[2] + y * there[1] + x * y * there[0]
+    moments[8] += there[8] + x * there[3] + z * there[1] + x * z * there[0]
+    moments[9] += there[9] + y * there[3] + z * there[2] + y * z * there[0]
 
 
 @njit(cache=True, nogil=True)

@@ -31,6 +31,7 @@ class Network(nn.Module):
 
     Attributes:
         needs_context: Whether it pools context points; then ``forward`` must be given them.
+        sees_windows: Whether it is given whole windows of the map: see ``unet``.
         has_embedding: Whether it embeds points for clustering; if not, objects are neighbours of
             one class (IV-B).
         batch_size: N, points per batch in the paper's experiments. What a network says about a
@@ -39,6 +40,7 @@ class Network(nn.Module):
     """
 
     needs_context: bool = False
+    sees_windows: bool = False
     has_embedding: bool = False
     batch_size: int = BASELINE_BATCH
     similarity: float = SIMILARITY

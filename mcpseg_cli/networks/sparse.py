@@ -105,6 +105,28 @@ def _empty_table(count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
 
 
 @njit(cache=True, nogil=True)
+def number_voxels(voxel: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number the distinct voxels of (N, 3) int32 in the order they first come.
+
+    Returns:
+        (V,) int64 the row where each first comes, and (N,) int64 the number of each row's voxel.
+    """
+    count = voxel.shape[0]
+    keys, rows = _empty_table(count)
+    first, number = np.empty(count, np.int64), np.empty(count, np.int64)
+    num_distinct = 0
+    for i in range(count):
+        key = _key(voxel[i, 0], voxel[i, 1], voxel[i, 2])
+        slot = _probe(keys, key)
+        if keys[slot] == _EMPTY:
+            keys[slot], rows[slot] = key, num_distinct
+            first[num_distinct] = i
+            num_distinct += 1
+        number[i] = rows[slot]
+    return first[:num_distinct].copy(), number
+
+
+@njit(cache=True, nogil=True)
 def find_neighbours(voxel: NDArray[np.int32]) -> NDArray[np.int32]:
     """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels; each pair is looked up once."""
     count = voxel.shape[0]

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.sparse import NUM_CHILDREN, NUM_FORWARD, DepthwiseConv, Level
 
 NUM_INPUTS = 14  # of each voxel: see ``incremental.window``
@@ -26,6 +27,7 @@ NUM_LEVELS = len(WIDTHS)
 EMBEDDING = 16
 _EXPANSION = 2  # features inside a block, as a multiple
 _HIDDEN = 64
+_MOMENTUM = 0.02  # of running statistics: windows differ much
 _START = 0.3  # of its part that a fresh block adds: deep stacks begin near the identity
 
 
@@ -41,12 +43,16 @@ class WindowOutput(NamedTuple):
     embedding: Tensor
 
 
-class UNet(nn.Module):
+class UNet(Network):
     """The network.
 
     Args:
         num_classes: C, classes to tell apart.
     """
+
+    sees_windows = True
+    has_embedding = True
+    batch_size = 2  # windows
 
     def __init__(self, num_classes: int) -> None:
         super().__init__()
@@ -57,13 +63,15 @@ class UNet(nn.Module):
         self.ascend = nn.ModuleList(Ascend(coarse, fine) for fine, coarse in pairwise(WIDTHS))
         self.up = nn.ModuleList(map(Stack, WIDTHS[:-1], BLOCKS_UP))
 
-        self.norm = nn.BatchNorm1d(finest)
+        self.norm = nn.BatchNorm1d(finest, momentum=_MOMENTUM)
         self.hidden = nn.Linear(finest, _HIDDEN)
         self.classify = nn.Linear(_HIDDEN, num_classes)
         self.embed = nn.Linear(_HIDDEN, EMBEDDING)
         self.affine = nn.Parameter(torch.tensor([3.0, 4.0]))  # of affinity in squared distance
 
-    def forward(self, inputs: Tensor, levels: Sequence[Level]) -> WindowOutput:
+    def forward(  # type: ignore[override]  # windows, not batches of points
+        self, inputs: Tensor, levels: Sequence[Level]
+    ) -> WindowOutput:
         """Classify and embed the voxels of a window, or of several that are far apart.
 
         Args:
@@ -113,7 +121,7 @@ class Block(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         self.look = DepthwiseConv(width)
-        self.norm = nn.BatchNorm1d(width)
+        self.norm = nn.BatchNorm1d(width, momentum=_MOMENTUM)
         self.widen = nn.Linear(width, _EXPANSION * width)
         self.narrow = nn.Linear(_EXPANSION * width, width)
         for layer in (self.widen, self.narrow):
@@ -157,7 +165,7 @@ class Descend(nn.Module):
     def __init__(self, width: int, coarse_width: int) -> None:
         super().__init__()
         self.join = nn.Linear(NUM_CHILDREN * width, coarse_width, bias=False)
-        self.norm = nn.BatchNorm1d(coarse_width)
+        self.norm = nn.BatchNorm1d(coarse_width, momentum=_MOMENTUM)
         nn.init.normal_(self.join.weight, std=(4 / (NUM_CHILDREN * width)) ** 0.5)  # half are empty
 
     def forward(self, features: Tensor, level: Level) -> Tensor:
@@ -179,7 +187,7 @@ class Ascend(nn.Module):
     def __init__(self, coarse_width: int, width: int) -> None:
         super().__init__()
         self.part = nn.Linear(coarse_width, NUM_CHILDREN * width, bias=False)
-        self.norm = nn.BatchNorm1d(width)
+        self.norm = nn.BatchNorm1d(width, momentum=_MOMENTUM)
         self.mix = nn.Linear(2 * width, width)
 
     def forward(self, coarse: Tensor, features: Tensor, level: Level) -> Tensor:

@@ -21,10 +21,12 @@ from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pointnet import PointNet
 from mcpseg_cli.networks.pointnet2 import PointNet2
 from mcpseg_cli.networks.sgpn import SGPN
+from mcpseg_cli.networks.unet import UNet
 from mcpseg_cli.networks.voxnet import VoxNet
 
 DEFAULT_WEIGHTS = "mcpnet"
 NETWORKS: dict[Architecture, type[Network]] = {
+    "unet": UNet,
     "mcpnet": MCPNet,
     "mcpnet-nocontext": MCPNetNoContext,
     "pointnet": PointNet,

@@ -6,7 +6,7 @@ Another robot, sensor, room or light changes them so.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cos, radians, sin
+from math import cos, pi, radians, sin
 
 import numpy as np
 from numba import njit
@@ -105,6 +105,8 @@ def change_places(scene: Scene, settings: AugmentSettings, rng: np.random.Genera
     """
     # turn, mirror, scale
     angle = radians(rng.uniform(-1, 1) * settings.turn_deg)
+    if settings.right_angle and rng.random() < settings.right_angle:
+        angle = round(angle / (pi / 2)) * (pi / 2)
     side = -1.0 if rng.random() < settings.mirror else 1.0
     scale = 1 + rng.uniform(-1, 1) * settings.scale
     height = scale * (1 + rng.uniform(-1, 1) * settings.height_scale)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
+from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.networks.weights import NETWORKS
 from mcpseg_cli.train.batches import Batches, BatchSource
@@ -17,6 +17,7 @@ from mcpseg_cli.train.class_table import trained_classes, trained_names
 from mcpseg_cli.train.folder import AreaFacts
 from mcpseg_cli.train.folds import Area, Fold
 from mcpseg_cli.train.samples import AreaSamples, prepare_samples
+from mcpseg_cli.train.windows import WindowSource
 
 AreaProgress = Callable[[str, int, int], None]
 """Called with the name of an area, its scans that are done, and their number."""
@@ -29,12 +30,14 @@ class DataSettings:
     Attributes:
         samples: How scans are replayed.
         augment: How training batches are changed; validation batches never are.
+        windows: Which windows a network is trained on that sees whole ones.
         mapping: Class by label of the data; None: the data's own classes.
         cache: Folder for prepared samples; None: the areas' own.
     """
 
     samples: SampleSettings
     augment: AugmentSettings
+    windows: WindowSettings = field(default_factory=WindowSettings)
     mapping: Mapping[str, str] | None = None
     cache: Path | None = None
 
@@ -111,8 +114,34 @@ def fold_data(
     classes = trained_classes([area.classes for area in training + validation], data.mapping)
     _check_classes(classes, training, data.mapping)
 
-    # objects are drawn evenly to learn from, points as segmentation sees them to validate
+    # whole windows, or points
     network = NETWORKS[train.architecture]
+    size = train.batch_size or network.batch_size
+    if network.sees_windows:
+
+        def windows(
+            areas: Sequence[AreaSamples], augment: AugmentSettings | None = None
+        ) -> WindowSource:
+            return WindowSource(
+                areas,
+                classes,
+                data.mapping,
+                windows_per_batch=size,
+                settings=data.windows,
+                augmentation=augment,
+                seed=train.seed,
+            )
+
+        return FoldData(
+            classes,
+            training=windows(training, data.augment),
+            validation=windows(validation) if validation else None,
+            plain=windows(training),
+            training_areas=_facts(fold.training, prepared),
+            validation_areas=_facts(fold.validation, prepared),
+        )
+
+    # objects are drawn evenly to learn from, points as segmentation sees them to validate
     per_object = train.samples_per_instance
 
     def source(
@@ -125,7 +154,7 @@ def fold_data(
             areas,
             classes,
             data.mapping,
-            batch_size=train.batch_size or network.batch_size,
+            batch_size=size,
             with_context=with_context,
             augmentation=augment,
             seed=train.seed,

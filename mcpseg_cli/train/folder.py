@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
+from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import OutputError, StateError
 from mcpseg_cli.train.progress import EpochReport
 from mcpseg_cli.train.scores import Scores
@@ -41,6 +41,7 @@ class TrainIdentity(BaseModel):
         settings: Network and numbers.
         samples: How scans are replayed.
         augmentation: How training batches are changed.
+        windows: Which windows a network is trained on that sees whole ones.
         classes: What is trained.
         class_table: Class by label of the data; None: the data's own classes.
         training_areas: What is trained on.
@@ -54,6 +55,7 @@ class TrainIdentity(BaseModel):
     settings: TrainSettings
     samples: SampleSettings
     augmentation: AugmentSettings
+    windows: WindowSettings = WindowSettings()
     classes: tuple[str, ...]
     class_table: dict[str, str] | None
     training_areas: tuple[AreaFacts, ...]

@@ -17,7 +17,10 @@ _SCALE = 10.0  # from squared distances to the similarity matrix that these numb
 
 
 def classification_loss(
-    logits: Tensor, semantic: Tensor, class_weights: Tensor | None = None
+    logits: Tensor,
+    semantic: Tensor,
+    class_weights: Tensor | None = None,
+    label_smoothing: float = 0.0,
 ) -> Tensor:
     """Compute the softmax cross-entropy of points whose class is known.
 
@@ -25,6 +28,7 @@ def classification_loss(
         logits: (..., C) float.
         semantic: (...) class index of any integer type, 255 unknown.
         class_weights: (C,) float: what an error on a point of each class costs; None: all the same.
+        label_smoothing: Share of the target spread evenly over all classes.
 
     Returns:
         The mean over the known points, weighted; 0, with gradient 0, where there are none.
@@ -32,7 +36,12 @@ def classification_loss(
     target = semantic.reshape(-1).long()
     flat = logits.reshape(len(target), -1)
     total = functional.cross_entropy(
-        flat, target, class_weights, ignore_index=UNKNOWN_CLASS, reduction="sum"
+        flat,
+        target,
+        class_weights,
+        ignore_index=UNKNOWN_CLASS,
+        reduction="sum",
+        label_smoothing=label_smoothing,
     )
     known = target[target != UNKNOWN_CLASS]
     weight = flat.new_tensor(len(known)) if class_weights is None else class_weights[known].sum()

@@ -16,6 +16,7 @@ from mcpseg_cli.train.losses import (
     sgpn_double_hinge_loss,
     triplet_semihard_loss,
 )
+from mcpseg_cli.train.scores import Outcome, nearest_is_of_same_object
 
 
 @dataclass(frozen=True)
@@ -33,21 +34,6 @@ class TensorBatch:
     context: Tensor | None
     semantic: Tensor
     instance: Tensor
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What the network made of one batch.
-
-    Attributes:
-        losses: (3,) float32 class, instance and confidence loss; 0 where the network has none.
-        logits: (N, C) float32.
-        embedding: (N, E) float32 of unit length; None for a network without.
-    """
-
-    losses: Tensor
-    logits: Tensor
-    embedding: Tensor | None
 
 
 class Objective:
@@ -68,6 +54,26 @@ class Objective:
         weights = (settings.class_weight, settings.instance_weight, settings.confidence_weight)
         self._weights = torch.tensor(weights, device=device)
         self._device = device
+
+    def to_tensors(self, batch: Batch) -> TensorBatch:
+        """Copy a batch into torch's own memory, on the processor: its alignment is always the same."""
+        return TensorBatch(
+            torch.tensor(batch.centre),
+            None if batch.context is None else torch.tensor(batch.context),
+            torch.tensor(batch.semantic),
+            torch.tensor(batch.instance),
+        )
+
+    def move(self, batch: TensorBatch) -> TensorBatch:
+        """Move a batch to the device that the network is on."""
+        if self._device.type == "cpu":
+            return batch
+        return TensorBatch(
+            batch.centre.to(self._device),
+            None if batch.context is None else batch.context.to(self._device),
+            batch.semantic.to(self._device),
+            batch.instance.to(self._device),
+        )
 
     def total(self, outcome: Outcome) -> Tensor:
         """Return the sum that gradients are taken of."""
@@ -100,26 +106,8 @@ class Objective:
             margin = self._settings.margin
             of_instance = triplet_semihard_loss(embedding[has_object], instance, margin)
 
-        return Outcome(torch.stack([of_class, of_instance, of_confidence]), logits, embedding)
-
-
-def to_tensors(batch: Batch) -> TensorBatch:
-    """Copy a batch into torch's own memory, on the processor: its alignment is always the same."""
-    return TensorBatch(
-        torch.tensor(batch.centre),
-        None if batch.context is None else torch.tensor(batch.context),
-        torch.tensor(batch.semantic),
-        torch.tensor(batch.instance),
-    )
-
-
-def move_batch(batch: TensorBatch, device: torch.device) -> TensorBatch:
-    """Move a batch to the device that the network is on."""
-    if device.type == "cpu":
-        return batch
-    return TensorBatch(
-        batch.centre.to(device),
-        None if batch.context is None else batch.context.to(device),
-        batch.semantic.to(device),
-        batch.instance.to(device),
-    )
+        # points whose neighbour in embedding space is of their object
+        is_near = None
+        if embedding is not None:
+            is_near = nearest_is_of_same_object(embedding.detach()[has_object], instance)
+        return Outcome(torch.stack([of_class, of_instance, of_confidence]), logits, is_near)

@@ -12,7 +12,7 @@ from time import monotonic
 import torch
 
 from mcpseg_cli import __version__
-from mcpseg_cli.config import TrainSettings
+from mcpseg_cli.config import NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
 from mcpseg_cli.resumable import check_identity, printable, write_whole
@@ -81,7 +81,7 @@ class TrainRun:
             architecture=settings.architecture,
             classes=data.classes,
             context_window=samples.context_window,
-            num_context=samples.num_context,
+            num_context=samples.num_context or NUM_CONTEXT,  # of a network that has none
         )
         self.identity = self._identify(data)
 
@@ -127,6 +127,7 @@ class TrainRun:
             settings=request.settings,
             samples=request.data.samples,
             augmentation=request.data.augment,
+            windows=request.data.windows,
             classes=data.classes,
             class_table=None if mapping is None else dict(mapping),
             training_areas=data.training_areas,
@@ -241,7 +242,9 @@ class TrainRun:
     def _settings(self) -> str:
         """Write out the settings as --config takes them."""
         data = self.request.data
-        return settings_text(self.request.settings, data.samples, data.augment, data.mapping)
+        return settings_text(
+            self.request.settings, data.samples, data.augment, data.windows, data.mapping
+        )
 
     def _record(self, best: EpochReport | None, sha256: str | None, size: int) -> TrainRecord:
         """Say all there is to say about the weights."""

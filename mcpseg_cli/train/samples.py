@@ -55,6 +55,11 @@ class AreaSamples:
         semantic: (V,) uint8 class of the point that founded the voxel, 255 unknown, mapped from the
             file.
         instance: (V,) int32 its object, 0 none, mapped from the file.
+        position: (num_scans, 3) float64 robot positions, metres, map frame.
+        floor: (num_scans,) float64 height of the floor, metres, map frame.
+        seen: (T,) int32 voxels that the scans see, one scan after the other, mapped from the file;
+            only where there are no samples, for networks that see whole windows.
+        seen_starts: (num_scans + 1,) int64 where each scan's voxels start in it.
 
     Raises:
         InputError: Not such a file, or damaged.
@@ -89,9 +94,9 @@ class AreaSamples:
             InputError: The file was replaced by another since it was opened.
         """
         file, rows = self._file(), slice(self.starts[number], self.starts[number + 1])
-        seen = slice(self._seen_starts[number], self._seen_starts[number + 1])
+        seen = slice(self.seen_starts[number], self.seen_starts[number + 1])
         return ScanSamples(
-            self._position[number], float(self._floor[number]), int(self._num_new[number]),
+            self.position[number], float(self.floor[number]), int(self._num_new[number]),
             file["voxel"][rows], file["context"][rows], file["seen"][seen],
         )  # fmt: skip
 
@@ -113,14 +118,17 @@ class AreaSamples:
         self.classes: tuple[str, ...] = tuple(json.loads(file.attrs["classes"]))
 
         # scans, then voxels
-        self._position, self._floor, self._num_new, self.starts, self._seen_starts = (
+        self.position, self.floor, self._num_new, self.starts, self.seen_starts = (
             file[key][...] for key in _SCANS
         )
-        self.num_scans, self.num_samples = len(self._floor), len(file["voxel"])
+        self.num_scans = len(self.floor)
+        self.num_samples = len(file["voxel"]) if "voxel" in file else len(file["seen"])
         self.xyz = self._mapped(file["xyz"], np.float32)
         self.rgb = self._mapped(file["rgb"], np.uint8)
         self.semantic = self._mapped(file["semantic"], np.uint8)
         self.instance = self._mapped(file["instance"], np.int32)
+        if "voxel" not in file:
+            self.seen = self._mapped(file["seen"], np.int32)
 
     def _mapped(self, dataset: h5py.Dataset, dtype: type[ScalarT]) -> NDArray[ScalarT]:
         """Map a table into memory: rows picked here and there cost no call of HDF5 and no copy."""
@@ -216,26 +224,33 @@ def _write(
     file: h5py.File, stream: SteadyFile, replay: Replay, progress: ScanProgress | None
 ) -> None:
     """Replay an area into a file, a block of samples at a time."""
-    # one growing table for each stream
+    # one growing table for each stream; windows need but what each scan sees, mapped in one piece
     num_context = replay.settings.num_context
-    for name, width in (("voxel", ()), ("context", (num_context,)), ("seen", ())):
+    streams = {"voxel": (), "context": (num_context,), "seen": ()} if num_context else {}
+    for name, width in streams.items():
         chunk = (max(_CHUNK_BYTES // (4 * (width[0] if width else 1)), 1), *width)
         file.create_dataset(name, (0, *width), "<i4", maxshape=(None, *width), chunks=chunk)
-    checksums = dict.fromkeys(_STREAMS, 0)
+    checksums = dict.fromkeys(streams, 0)
 
     scans: list[tuple[NDArray[np.float64], float, int, int, int]] = []
     block: list[ScanSamples] = []
+    seen: list[NDArray[np.int32]] = []
     for done, scan in enumerate(replay.run(), start=1):
         scans.append((scan.position, scan.floor, scan.num_new, len(scan.voxel), len(scan.seen)))
         block.append(scan)
+        if not num_context:
+            seen.append(scan.seen)
         if done == len(replay.scans) or sum(len(part.voxel) for part in block) >= _BLOCK:
-            for name in _STREAMS:
+            for name in streams:
                 rows = np.concatenate([getattr(part, name) for part in block])
                 checksums[name] = _append(file[name], rows, checksums[name])
             block.clear()
             stream.check()
         if progress is not None:
             progress(done, len(replay.scans))
+    if not num_context:
+        file.create_dataset("seen", data=np.concatenate(seen).astype("<i4"))
+        checksums["seen"] = _checksum(file["seen"])
 
     # tables that are read whole, and what all must sum to
     _write_tables(file, replay, scans)

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from mcpseg_cli.train.losses import UNKNOWN_CLASS
-from mcpseg_cli.train.objective import Outcome, TensorBatch
 
 _LOSSES = 3  # class, instance, confidence
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the network made of one batch.
+
+    Attributes:
+        losses: (3,) float32 class, instance and confidence loss; 0 where the network has none.
+        logits: (N, C) float32.
+        is_right: (P,) bool whether the instance branch is right: about each point's nearest
+            neighbour in embedding space, or, for the U-Net, about each pair of neighbours of two
+            objects; None for a network without.
+    """
+
+    losses: Tensor
+    logits: Tensor
+    is_right: Tensor | None
 
 
 class Scores(BaseModel):
@@ -22,7 +40,8 @@ class Scores(BaseModel):
         accuracy: Share of points of known class that are classified right.
         miou: Mean intersection over union of the classes that occur; None where no class is known.
         embedding_accuracy: Share of points whose nearest neighbour in embedding space, in their
-            batch, is of their object; None for a network without embedding.
+            batch, is of their object, or, for the U-Net, share of the neighbours of two objects
+            that are told apart; None for a network without embedding.
         iou: Of each class; None for one that does not occur.
     """
 
@@ -53,24 +72,20 @@ class Tally:
         self.sums = torch.zeros(size, dtype=torch.float64, device=device)
 
     @torch.no_grad()
-    def add(self, outcome: Outcome, total: Tensor, batch: TensorBatch) -> None:
-        """Count one batch."""
+    def add(self, outcome: Outcome, total: Tensor, semantic: Tensor) -> None:
+        """Count one batch of points of (N,) int64 true classes."""
         sums, classes = self.sums, self.num_classes
         sums[0] += total.detach()
         sums[1 : 1 + _LOSSES] += outcome.losses.detach()
         sums[1 + _LOSSES] += 1
 
-        # points whose neighbour in embedding space is of their object
-        if outcome.embedding is not None:
-            has_object = batch.instance > 0
-            right = nearest_is_of_same_object(
-                outcome.embedding.detach()[has_object], batch.instance[has_object]
-            )
-            sums[2 + _LOSSES] += right.sum()
-            sums[3 + _LOSSES] += len(right)
+        # who is of one object
+        if outcome.is_right is not None:
+            sums[2 + _LOSSES] += outcome.is_right.sum()
+            sums[3 + _LOSSES] += len(outcome.is_right)
 
         # true and predicted class; the last row is of unknown ones
-        row = batch.semantic.masked_fill(batch.semantic == UNKNOWN_CLASS, classes)
+        row = semantic.masked_fill(semantic == UNKNOWN_CLASS, classes)
         cell = row * classes + outcome.logits.detach().argmax(dim=-1)
         sums[4 + _LOSSES :].scatter_add_(0, cell, torch.ones_like(cell, dtype=sums.dtype))
 

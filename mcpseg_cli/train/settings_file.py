@@ -10,7 +10,13 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from mcpseg_cli.config import AugmentSettings, CheckpointSettings, SampleSettings, TrainSettings
+from mcpseg_cli.config import (
+    AugmentSettings,
+    CheckpointSettings,
+    SampleSettings,
+    TrainSettings,
+    WindowSettings,
+)
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.train.class_table import check_class_table
 
@@ -24,6 +30,7 @@ class SettingsFile(BaseModel):
         train: Network and numbers.
         samples: How scans are replayed.
         augment: How training batches are changed.
+        windows: Which windows the U-Net is trained on.
         checkpoint: When checkpoints are written.
         classes: Class by label of the data; None: the data's own classes.
     """
@@ -33,6 +40,7 @@ class SettingsFile(BaseModel):
     train: TrainSettings = TrainSettings()
     samples: SampleSettings = SampleSettings()
     augment: AugmentSettings = AugmentSettings()
+    windows: WindowSettings = WindowSettings()
     checkpoint: CheckpointSettings = CheckpointSettings()
     classes: dict[str, str] | None = None
 
@@ -41,8 +49,8 @@ def read_settings(path: Path) -> SettingsFile:
     """Read a settings file.
 
     Args:
-        path: TOML with tables ``[train]``, ``[samples]``, ``[augment]``, ``[checkpoint]`` and
-            ``[classes]``, none of them needed.
+        path: TOML with tables ``[train]``, ``[samples]``, ``[augment]``, ``[windows]``,
+            ``[checkpoint]`` and ``[classes]``, none of them needed.
 
     Raises:
         InputError: Not TOML, an unknown table or setting, or a value of another type or size.
@@ -66,6 +74,7 @@ def settings_text(
     train: TrainSettings,
     samples: SampleSettings,
     augment: AugmentSettings,
+    windows: WindowSettings,
     classes: Mapping[str, str] | None,
 ) -> str:
     """Write out every setting of a training, as a settings file that gives the same training."""
@@ -73,6 +82,7 @@ def settings_text(
         "train": train.model_dump(),
         "samples": samples.model_dump(),
         "augment": augment.model_dump(),
+        **({"windows": windows.model_dump()} if train.architecture == "unet" else {}),
         **({} if classes is None else {"classes": classes}),
     }
     return _HEADER + "".join(

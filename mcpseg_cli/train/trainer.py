@@ -19,13 +19,16 @@ from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import TrainingError
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.train.batches import Batches
-from mcpseg_cli.train.objective import Objective, TensorBatch, move_batch, to_tensors
+from mcpseg_cli.train.objective import Objective, TensorBatch
 from mcpseg_cli.train.prefetch import ahead
 from mcpseg_cli.train.progress import EpochReport, Progress, TrainState
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.schedule import learning_rate
 from mcpseg_cli.train.scores import Scores, Tally
+from mcpseg_cli.train.window_objective import TensorWindows, WindowObjective
 
+AnyObjective = Objective | WindowObjective
+AnyTensors = TensorBatch | TensorWindows
 _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
 
@@ -83,7 +86,8 @@ class Trainer:
 
         self._parameters = list(network.parameters())
         self._device = self._parameters[0].device
-        self._objective = Objective(settings, class_weights, self._device)
+        objective = WindowObjective if network.sees_windows else Objective
+        self._objective: AnyObjective = objective(settings, class_weights, self._device)
 
         # with a weight decay of 0, AdamW is Adam (III-D)
         self._optimiser = torch.optim.AdamW(
@@ -168,18 +172,18 @@ class Trainer:
                     return
             yield self._end_epoch(scores, started)
 
-    def _steps_left(self) -> Iterator[list[TensorBatch]]:
+    def _steps_left(self) -> Iterator[list[AnyTensors]]:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
         each, world = self.settings.batches_per_step, self.ranks.world
         source = self._training.epoch(
             len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each
         )
-        with ahead(map(to_tensors, source), _BATCHES_AHEAD + each) as batches:
+        with ahead(map(self._objective.to_tensors, source), _BATCHES_AHEAD + each) as batches:
             for _ in range(self._step, self.num_steps):
-                yield [move_batch(batch, self._device) for batch in islice(batches, each)]
+                yield [self._objective.move(batch) for batch in islice(batches, each)]
 
     @_in_memory()
-    def _learn(self, batches: Sequence[TensorBatch]) -> None:
+    def _learn(self, batches: Sequence[AnyTensors]) -> None:
         """Change the parameters a little, by the mean gradient of some batches."""
         # learning rate of this step
         epoch, settings = len(self.curves), self.settings
@@ -195,7 +199,7 @@ class Trainer:
                 outcome = self._objective.evaluate(self.network, batch)
             total = self._objective.total(outcome)
             (total / len(batches)).backward()  # type: ignore[no-untyped-call]
-            self._tally.add(outcome, total, batch)
+            self._tally.add(outcome, total, batch.semantic)
 
         # one step of Adam, the same in all processes
         self.ranks.average_gradients(self._parameters)
@@ -214,13 +218,13 @@ class Trainer:
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
         source = validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
-        drawn = map(to_tensors, islice(source, self._num_scored(validation)))
+        drawn = map(self._objective.to_tensors, islice(source, self._num_scored(validation)))
 
         with ahead(drawn, _BATCHES_AHEAD) as batches:
             for drawn_batch in batches:
-                batch = move_batch(drawn_batch, self._device)
+                batch = self._objective.move(drawn_batch)
                 outcome = self._objective.evaluate(self.network, batch)
-                tally.add(outcome, self._objective.total(outcome), batch)
+                tally.add(outcome, self._objective.total(outcome), batch.semantic)
                 if self.ranks.any(should_stop(), self._device):
                     return None
 
