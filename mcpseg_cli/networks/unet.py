@@ -8,6 +8,7 @@ sparse: looking around costs one product for each neighbour there is, thinking i
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -132,7 +133,7 @@ class Block(nn.Module):
     def forward(self, features: Tensor, level: Level) -> Tensor:
         """Give (V, F) float32 new features of (V, F)."""
         seen = self.norm(self.look(features, level))
-        change: Tensor = self.narrow(functional.relu(self.widen(seen)))
+        change = _dense(self.narrow, functional.relu(_dense(self.widen, seen)))
         return features + change.float()
 
 
@@ -173,7 +174,7 @@ class Descend(nn.Module):
         assert level.children is not None
         padded = torch.cat([features, features.new_zeros(1, features.shape[1])])
         parts = padded[level.children].flatten(1)  # (P, 8·F)
-        return functional.relu(self.norm(self.join(parts).float()))
+        return functional.relu(self.norm(_dense(self.join, parts).float()))
 
 
 class Ascend(nn.Module):
@@ -194,9 +195,9 @@ class Ascend(nn.Module):
         """Give (V, F) float32 features of the finer level's voxels, of (P, G) and (V, F)."""
         assert level.parent is not None
         assert level.corner is not None
-        answers = self.part(coarse).view(-1, features.shape[1])  # (8·P, F)
+        answers = _dense(self.part, coarse).view(-1, features.shape[1])  # (8·P, F)
         own = answers[level.parent * NUM_CHILDREN + level.corner].float()
-        mixed: Tensor = self.mix(torch.cat([functional.relu(self.norm(own)), features], dim=1))
+        mixed = _dense(self.mix, torch.cat([functional.relu(self.norm(own)), features], dim=1))
         return mixed.float()
 
 
@@ -212,3 +213,59 @@ def forward_pairs(neighbours: Tensor) -> tuple[Tensor, Tensor]:
     ahead = neighbours[:, -NUM_FORWARD:]
     row, column = torch.nonzero(ahead >= 0, as_tuple=True)
     return row, ahead[row, column].long()
+
+
+def _dense(layer: nn.Linear, features: Tensor) -> Tensor:
+    """Apply a dense layer in the precision of its weights."""
+    answer: Tensor = layer(features.to(layer.weight.dtype))
+    return answer
+
+
+def fold(network: UNet, precision: str) -> UNet:
+    """Make a network for inference only: norms become part of the dense layers beside them.
+
+    Args:
+        network: Trained, in evaluation mode; not changed.
+        precision: ``bf16``: the large dense layers compute in bfloat16; or ``fp32``.
+
+    Returns:
+        A copy that says the same, up to rounding.
+    """
+    folded = copy.deepcopy(network)
+    for module in folded.modules():
+        if isinstance(module, Block):
+            _fold_before(module.norm, module.widen)
+        elif isinstance(module, Descend | Ascend):
+            _fold_after(module.join if isinstance(module, Descend) else module.part, module.norm)
+        if isinstance(module, Block | Descend | Ascend):
+            module.norm = nn.Identity()
+            if precision == "bf16":
+                for layer in module.children():
+                    if isinstance(layer, nn.Linear):
+                        layer.to(torch.bfloat16)
+    return folded
+
+
+def _scale_and_shift(norm: nn.BatchNorm1d) -> tuple[Tensor, Tensor]:
+    """Give the factor and the summand that a norm is at inference."""
+    assert norm.running_mean is not None
+    assert norm.running_var is not None
+    scale = norm.weight / (norm.running_var + norm.eps).sqrt()
+    return scale.detach(), (norm.bias - norm.running_mean * scale).detach()
+
+
+@torch.no_grad()
+def _fold_before(norm: nn.BatchNorm1d, layer: nn.Linear) -> None:
+    """Let a layer do what the norm before it does."""
+    scale, shift = _scale_and_shift(norm)
+    layer.bias += layer.weight @ shift
+    layer.weight *= scale
+
+
+@torch.no_grad()
+def _fold_after(layer: nn.Linear, norm: nn.BatchNorm1d) -> None:
+    """Let a layer do what the norm after it does, to each of its answers."""
+    scale, shift = _scale_and_shift(norm)
+    answers = layer.out_features // len(scale)
+    layer.weight *= scale.repeat(answers)[:, None]
+    layer.bias = nn.Parameter(shift.repeat(answers))

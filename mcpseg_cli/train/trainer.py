@@ -27,8 +27,7 @@ from mcpseg_cli.train.schedule import learning_rate
 from mcpseg_cli.train.scores import Scores, Tally
 from mcpseg_cli.train.window_objective import TensorWindows, WindowObjective
 
-AnyObjective = Objective | WindowObjective
-AnyTensors = TensorBatch | TensorWindows
+Tensors = TensorBatch | TensorWindows
 _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
 
@@ -87,7 +86,7 @@ class Trainer:
         self._parameters = list(network.parameters())
         self._device = self._parameters[0].device
         objective = WindowObjective if network.sees_windows else Objective
-        self._objective: AnyObjective = objective(settings, class_weights, self._device)
+        self._objective: Objective | WindowObjective = objective(settings, class_weights, self._device)
 
         # with a weight decay of 0, AdamW is Adam (III-D)
         self._optimiser = torch.optim.AdamW(
@@ -172,7 +171,7 @@ class Trainer:
                     return
             yield self._end_epoch(scores, started)
 
-    def _steps_left(self) -> Iterator[list[AnyTensors]]:
+    def _steps_left(self) -> Iterator[list[Tensors]]:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
         each, world = self.settings.batches_per_step, self.ranks.world
         source = self._training.epoch(
@@ -183,7 +182,7 @@ class Trainer:
                 yield [self._objective.move(batch) for batch in islice(batches, each)]
 
     @_in_memory()
-    def _learn(self, batches: Sequence[AnyTensors]) -> None:
+    def _learn(self, batches: Sequence[Tensors]) -> None:
         """Change the parameters a little, by the mean gradient of some batches."""
         # learning rate of this step
         epoch, settings = len(self.curves), self.settings
