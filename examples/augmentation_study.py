@@ -139,7 +139,7 @@ def score(
         tally = Tally(len(area.classes), torch.device("cpu"))
         for batch in map(objective.to_tensors, islice(source.epoch(0), options.validation_batches)):
             outcome = objective.evaluate(network, batch)
-            tally.add(outcome, objective.total(outcome), batch)
+            tally.add(outcome, objective.total(outcome), batch.semantic)
         scores = tally.scores()
         results[condition] = (scores.accuracy, scores.miou or 0.0)
     return results

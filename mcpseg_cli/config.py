@@ -31,6 +31,7 @@ Method = Literal[
 
 Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]
+Labelling = Literal["first", "fused"]
 FloorRule = Literal["map", "scan-min"]
 
 
@@ -63,11 +64,14 @@ class SegmentSettings(MapSettings):
     Attributes:
         batch_size: N, points per network batch; networks pool over them, so it is part of the
             result (III-D).
+        labelling: ``first``, labels stay as they were when a voxel was first seen (III-B), or
+            ``fused``, evidence of all looks decides; None: what the method is made for.
         similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
     """
 
     batch_size: int = Field(default=BATCH, ge=1, le=65536)
     similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
+    labelling: Labelling | None = None
 
 
 class RegionGrowingSettings(BaseModel):

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
 from mcpseg_cli.incremental.clustering import embed_classes, quantise
 from mcpseg_cli.incremental.context import context_input, network_input
+from mcpseg_cli.incremental.evidence import Look
+from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.device import find_device, one_thread_per_operation, resolve_precision
@@ -77,8 +79,41 @@ class NetworkClassifier:
         rng: np.random.Generator,
     ) -> VoxelLabels:
         """Run the network over voxels in shuffled batches; see ``SegmentationMethod``."""
+        probability, embedding = self._judge(voxel_map, ids, position, floor, rng)
+        semantic = probability.argmax(axis=1).astype(np.uint8)
+        return VoxelLabels(semantic, probability.max(axis=1, initial=0), quantise(embedding))
+
+    def looks_at(
+        self, voxels: VoxelMap, observed: Observation, position: NDArray[np.float64]
+    ) -> NDArray[np.int32]:
+        """List the voxels to judge at a scan: those that it saw; see ``map_labels.Looker``."""
+        return np.concatenate([observed.seen_again, observed.new])
+
+    def look(
+        self,
+        voxels: VoxelMap,
+        ids: NDArray[np.int32],
+        looks: NDArray[np.uint16],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> tuple[Look, NDArray[np.int16]]:
+        """Judge voxels with the context there is by now; see ``map_labels.Looker``."""
+        probability, embedding = self._judge(voxels, ids, position, floor, rng)
+        weight = np.ones(len(ids), np.float32)
+        return Look(ids, probability, weight), quantise(embedding)
+
+    def _judge(
+        self,
+        voxel_map: VoxelMap,
+        ids: NDArray[np.int32],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Find (M, C) float32 probabilities and (M, E) float32 embedding of voxels."""
         embedding = np.empty((len(ids), EMBEDDING), np.float32)
-        semantic, confidence = np.empty(len(ids), np.uint8), np.empty(len(ids), np.float32)
+        probability = np.empty((len(ids), len(self.classes)), np.float32)
 
         # the last chunk takes what is left too: its last batch is filled up from it
         order = rng.permutation(len(ids))
@@ -90,12 +125,12 @@ class NetworkClassifier:
         with one_thread_per_operation():
             for rows in chunks:
                 unit, logits = self._run_batches(voxel_map, ids[rows], position, floor, rng)
-                probability, best = torch.softmax(logits, dim=1).max(dim=1)
-                semantic[rows], confidence[rows] = best.cpu().numpy(), probability.cpu().numpy()
-                embedding[rows] = (
-                    embed_classes(semantic[rows]) if unit is None else unit.cpu().numpy()
-                )
-        return VoxelLabels(semantic, confidence, quantise(embedding))
+                probability[rows] = torch.softmax(logits, dim=1).cpu().numpy()
+                if unit is None:
+                    embedding[rows] = embed_classes(probability[rows].argmax(axis=1))
+                else:
+                    embedding[rows] = unit.cpu().numpy()
+        return probability, embedding
 
     def partners(
         self,

@@ -148,7 +148,9 @@ def embed_classes(semantic: NDArray[np.uint8]) -> NDArray[np.float32]:
         (M, E) float32 unit vectors: the bits of the class as signs, again and again. The cosine
         similarity is 1 within a class, and 0.75 or less between two.
     """
-    signs = 2 * np.unpackbits(semantic[:, None], axis=1).astype(np.float32) - 1  # (M, 8)
+    signs = (
+        2 * np.unpackbits(semantic.astype(np.uint8)[:, None], axis=1).astype(np.float32) - 1
+    )  # (M, 8)
     repeats = EMBEDDING // signs.shape[1]
     embedding = np.zeros((len(semantic), EMBEDDING), np.float32)
     embedding[:, : 8 * repeats] = np.tile(signs, repeats) / np.sqrt(np.float32(8 * repeats))

@@ -34,14 +34,22 @@ class Column(Generic[ScalarT]):
 
     def append(self, rows: NDArray[ScalarT]) -> None:
         """Copy rows to the end."""
-        end = self._count + len(rows)
+        self._extend(len(rows))[:] = rows
+
+    def append_zeros(self, count: int) -> None:
+        """Append so many rows of zeros."""
+        self._extend(count)[:] = 0
+
+    def _extend(self, count: int) -> NDArray[ScalarT]:
+        """Make room at the end; return the new rows, to be filled."""
+        start, end = self._count, self._count + count
         if end > len(self._data):
             capacity = max(end, 2 * len(self._data))
             grown = np.empty((capacity, *self._data.shape[1:]), self._data.dtype)
-            grown[: self._count] = self.rows
+            grown[:start] = self.rows
             self._data = grown
-        self._data[self._count : end] = rows
         self._count = end
+        return self._data[start:end]
 
     def truncate(self, count: int) -> None:
         """Forget the rows from ``count`` on."""

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import Method, Precision, RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.errors import WeightsError
+from mcpseg_cli.errors import McpsegError, WeightsError
 from mcpseg_cli.incremental.classification import NetworkClassifier
-from mcpseg_cli.incremental.map_rows import VoxelLabels
+from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
 from mcpseg_cli.incremental.region_growing import RegionGrower
+from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 
@@ -40,25 +41,6 @@ class SegmentationMethod(Protocol):
     def configuration(self) -> dict[str, object]:
         """Record what decides the labels beside ``settings`` and ``precision``, as JSON has it."""
 
-    def classify(
-        self,
-        voxel_map: VoxelMap,
-        ids: NDArray[np.int32],
-        position: NDArray[np.float64],
-        floor: float,
-        rng: np.random.Generator,
-    ) -> VoxelLabels:
-        """Find class and embedding of voxels (III-B).
-
-        Args:
-            voxel_map: The map; context comes from all of it.
-            ids: (M,) int32 voxels to classify.
-            position: (3,) float64 what the method takes for the robot's position, metres, map
-                frame.
-            floor: Height of the floor, metres, map frame.
-            rng: Decides every random choice.
-        """
-
     def partners(
         self,
         voxel_map: VoxelMap,
@@ -77,6 +59,9 @@ class SegmentationMethod(Protocol):
         Returns:
             (M, 26) int32 voxel ids, -1 for none.
         """
+
+
+AnyMethod = NetworkClassifier | RegionGrower | RoomNetwork
 
 
 def open_method(method: Method | None, weights: str | None) -> Weights | RegionGrowingSettings:
@@ -120,12 +105,30 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     return loaded
 
 
+def make_labels(method: AnyMethod) -> FirstLooks:
+    """Make what keeps the labels of a map: of first looks, as in the paper, or of all.
+
+    Raises:
+        McpsegError: The method tells no classes, which looks could agree on.
+    """
+    labelling = method.settings.labelling
+    if isinstance(method, RoomNetwork):
+        return AllLooks(method, len(method.classes), only_first=labelling == "first")
+    if labelling != "fused":
+        return FirstLooks(method)
+    if not isinstance(method, NetworkClassifier):
+        raise McpsegError(
+            f"--labelling fused: {method.name} tells no classes; expected a network; leave it out"
+        )
+    return AllLooks(method, len(method.classes))
+
+
 def make_method(
     method: Weights | RegionGrowingSettings,
     settings: SegmentSettings,
     precision: Precision,
     device: str,
-) -> SegmentationMethod:
+) -> AnyMethod:
     """Make ready what labels: a network, or region growing.
 
     Raises:
@@ -133,4 +136,6 @@ def make_method(
     """
     if isinstance(method, RegionGrowingSettings):
         return RegionGrower(method, settings)
+    if method.network.sees_windows:
+        return RoomNetwork(method, settings, precision=precision, device=device)
     return NetworkClassifier(method, settings, precision=precision, device=device)

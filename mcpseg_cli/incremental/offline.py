@@ -15,14 +15,17 @@ from mcpseg_cli.config import EMBEDDING, OFFLINE_BLOCK
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.methods import SegmentationMethod
+from mcpseg_cli.incremental.methods import AnyMethod
+from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 
 def label_cloud(
-    voxel_map: VoxelMap, positions: NDArray[np.float64], method: SegmentationMethod
+    voxel_map: VoxelMap, positions: NDArray[np.float64], method: AnyMethod
 ) -> tuple[MapRows, float]:
     """Label all voxels of a map, each as its block sees it, and cluster them once.
+
+    A network that sees the room sees all of them at once.
 
     Args:
         voxel_map: The complete cloud, one point a voxel; at least one.
@@ -40,7 +43,10 @@ def label_cloud(
     floor: float | None = None
 
     # each block as if the robot stood in its middle
-    for number, (middle, ids) in enumerate(split_blocks(voxel_map.xyz, OFFLINE_BLOCK)):
+    blocks = split_blocks(voxel_map.xyz, OFFLINE_BLOCK)
+    if isinstance(method, RoomNetwork):
+        blocks = iter([(positions[0, :2], np.arange(num_voxels, dtype=np.int32))])
+    for number, (middle, ids) in enumerate(blocks):
         position = np.array([*middle, nearest_height(positions, middle)])
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))

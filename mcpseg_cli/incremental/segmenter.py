@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import Clusters
-from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.methods import make_method
+from mcpseg_cli.incremental.methods import make_labels, make_method
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
@@ -93,8 +92,7 @@ class IncrementalSegmenter:
         # the map: voxels, their classes, their objects
         self.num_scans = 0
         self._growing_map = GrowingMap(self.settings)
-        self._semantic = Column(np.uint8)
-        self._confidence = Column(np.float32)
+        self._labels = make_labels(self.method)
         self.clusters = Clusters(self.method.similarity)
 
     @classmethod
@@ -116,17 +114,18 @@ class IncrementalSegmenter:
     @property
     def semantic(self) -> NDArray[np.uint8]:
         """(V,) uint8 class index of every voxel. A view, valid until the next scan."""
-        return self._semantic.rows
+        return self._labels.semantic
 
     @property
     def confidence(self) -> NDArray[np.float32]:
         """(V,) float32 in 0-1: probability of that class. A view, valid until the next scan."""
-        return self._confidence.rows
+        return self._labels.confidence
 
     def register_scan(self, scan: Scan) -> ScanUpdate:
         """Label a scan and grow the map by it (III-E).
 
-        Earlier labels change only where objects merge.
+        Earlier labels change where objects merge and, unless only first looks count, where another
+        look says so.
 
         Args:
             scan: Points in the map frame; points farther than ``local_range`` from the robot are
@@ -141,19 +140,14 @@ class IncrementalSegmenter:
         observed = self._growing_map.observe(scan)
         clock = Stopwatch()
 
-        # embed and classify
-        floor = observed.floor or 0.0
-        found = self.method.classify(self.map, observed.new, scan.position, floor, rng)
-
-        # update look-up table
-        self._semantic.append(found.semantic)
-        self._confidence.append(found.confidence)
+        # embed and classify, update look-up table
+        embedding, relabelled = self._labels.update(self.map, observed, scan.position, rng)
         clock.lap("network")
 
         # cluster with neighbours
         known = self.clusters.embedding
-        partners = self.method.partners(self.map, observed.new, found.embedding, known)
-        merges, changed = self.clusters.add(found.embedding, partners)
+        partners = self.method.partners(self.map, observed.new, embedding, known)
+        merges, regrouped = self.clusters.add(embedding, partners)
         clock.lap("cluster")
 
         # report all changes
@@ -165,7 +159,7 @@ class IncrementalSegmenter:
             num_new=len(observed.new),
             num_seen=len(observed.seen_again),
             merges=merges,
-            changed=changed,
+            changed=np.union1d(regrouped, relabelled),
             floor=observed.floor,
             ms=observed.ms | clock.ms,
         )
@@ -226,8 +220,7 @@ class IncrementalSegmenter:
         """
         for part in parts:
             self.map.restore(part.xyz, part.rgb)
-            self._semantic.append(part.semantic)
-            self._confidence.append(part.confidence)
+            self._labels.append(part.semantic, part.confidence)
             self.clusters.restore(part.embedding, part.instance)
         self.clusters.restore_merges(merges)
         self.num_scans, self._growing_map.floor = num_scans, floor

@@ -150,6 +150,28 @@ class VoxelMap:
         grid: NDArray[np.int32] = _gather_box(low, size, self._blocks)
         return grid
 
+    def near(
+        self, position: NDArray[np.float64], radius: float, height: float
+    ) -> NDArray[np.int32]:
+        """List the voxels around a place; the cost depends on how many there are.
+
+        Args:
+            position: (3,) float64, metres, map frame.
+            radius: Horizontal distance up to which a voxel's point counts, metres.
+            height: How far above and below ``position`` at most, to the voxel, metres.
+
+        Returns:
+            (M,) int32 ids, ascending.
+        """
+        reach = np.array([radius, radius, height])
+        low = voxel_of((position - reach)[None].astype(np.float32), self.voxel_size)[0]
+        high = voxel_of((position + reach)[None].astype(np.float32), self.voxel_size)[0]
+        ids: NDArray[np.int32] = _list_between(low, high, self._blocks)
+
+        offset = self.xyz[ids, :2] - position[:2].astype(np.float32)
+        is_near = np.einsum("na,na->n", offset, offset) < np.float32(radius) ** 2
+        return np.sort(ids[is_near])
+
     def restore(self, xyz: NDArray[np.float32], rgb: NDArray[np.uint8]) -> None:
         """Append voxels of an earlier map, in id order, as ``xyz`` and ``rgb`` gave them.
 
@@ -314,6 +336,28 @@ def _gather_box(
                             found = blocks[2][block, _cell(x, y, z)]
                             grid[x - low[0], y - low[1], z - low[2]] = found - 1
     return grid
+
+
+@njit(cache=True)
+def _list_between(
+    low: NDArray[np.int32], high: NDArray[np.int32], blocks: Blocks
+) -> NDArray[np.int32]:
+    """List the voxels of all blocks that have a part between two corners, block by block."""
+    found = np.empty(1024, np.int32)
+    size = 0
+    for bx in range(low[0] >> 2, (high[0] >> 2) + 1):
+        for by in range(low[1] >> 2, (high[1] >> 2) + 1):
+            for bz in range(low[2] >> 2, (high[2] >> 2) + 1):
+                block = _find_block(bx, by, bz, blocks)
+                if block == _EMPTY:
+                    continue
+                if size + 64 > found.size:
+                    found = np.concatenate((found, np.empty(found.size, np.int32)))
+                for cell in range(64):
+                    if blocks[2][block, cell]:
+                        found[size] = blocks[2][block, cell] - 1
+                        size += 1
+    return found[:size].copy()
 
 
 @njit(cache=True)

@@ -98,6 +98,11 @@ class UNet(Network):
         embedding = functional.normalize(self.embed(hidden).float(), dim=1, eps=1e-6)
         return WindowOutput(self.classify(hidden).float(), embedding)
 
+    def even_similarity(self) -> float:
+        """Return the cosine similarity at which two objects are as likely as one."""
+        even, steepness = self.affine.detach()[0], functional.softplus(self.affine.detach()[1])
+        return float((1 - even / (2 * steepness)).clamp(-1, 1))
+
     def affinity(self, embedding: Tensor, other: Tensor) -> Tensor:
         """Compute how likely pairs of voxels are of one object, as a logit.
 
@@ -238,7 +243,7 @@ def fold(network: UNet, precision: str) -> UNet:
         elif isinstance(module, Descend | Ascend):
             _fold_after(module.join if isinstance(module, Descend) else module.part, module.norm)
         if isinstance(module, Block | Descend | Ascend):
-            module.norm = nn.Identity()
+            setattr(module, "norm", nn.Identity())  # noqa: B010
             if precision == "bf16":
                 for layer in module.children():
                     if isinstance(layer, nn.Linear):
@@ -258,8 +263,8 @@ def _scale_and_shift(norm: nn.BatchNorm1d) -> tuple[Tensor, Tensor]:
 def _fold_before(norm: nn.BatchNorm1d, layer: nn.Linear) -> None:
     """Let a layer do what the norm before it does."""
     scale, shift = _scale_and_shift(norm)
-    layer.bias += layer.weight @ shift
-    layer.weight *= scale
+    layer.bias.add_(layer.weight @ shift)
+    layer.weight.mul_(scale)
 
 
 @torch.no_grad()
@@ -267,5 +272,5 @@ def _fold_after(layer: nn.Linear, norm: nn.BatchNorm1d) -> None:
     """Let a layer do what the norm after it does, to each of its answers."""
     scale, shift = _scale_and_shift(norm)
     answers = layer.out_features // len(scale)
-    layer.weight *= scale.repeat(answers)[:, None]
+    layer.weight.mul_(scale.repeat(answers)[:, None])
     layer.bias = nn.Parameter(shift.repeat(answers))

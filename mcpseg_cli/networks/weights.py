@@ -46,6 +46,7 @@ class WeightsInfo(BaseModel):
         classes: Class table: what the logits mean.
         context_window: Where the context points they were trained with came from.
         num_context: M, context points per point.
+        temperature: What logits are divided by, so that confidence is the share that is right.
         notice: A warning to show whenever they are used; empty for weights meant for use.
         training: Facts for the reader: data, epochs, scores, source.
     """
@@ -56,6 +57,7 @@ class WeightsInfo(BaseModel):
     classes: tuple[str, ...] = Field(min_length=2, max_length=MOST_CLASSES)
     context_window: ContextWindow = "cells"
     num_context: int = Field(default=NUM_CONTEXT, ge=1, le=1024)
+    temperature: float = Field(default=1.0, gt=0.0, le=100.0)
     notice: str = ""
     training: dict[str, str | int | float] = {}
 

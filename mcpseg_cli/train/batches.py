@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,21 +50,6 @@ class Batch:
     context: NDArray[np.float32] | None
     semantic: NDArray[np.int64]
     instance: NDArray[np.int64]
-
-
-class Batches(Protocol):
-    """Where batches come from; ``BatchSource`` is one."""
-
-    def __len__(self) -> int:
-        """Count the batches of an epoch."""
-
-    def epoch(
-        self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
-    ) -> Iterator[Batch]:
-        """Yield every ``world``-th batch of an epoch.
-
-        From number ``rank`` on, without the first ``start`` of these.
-        """
 
 
 class BatchSource:

@@ -12,11 +12,12 @@ from pathlib import Path
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.networks.weights import NETWORKS
-from mcpseg_cli.train.batches import Batches, BatchSource
+from mcpseg_cli.train.batches import BatchSource
 from mcpseg_cli.train.class_table import trained_classes, trained_names
 from mcpseg_cli.train.folder import AreaFacts
 from mcpseg_cli.train.folds import Area, Fold
 from mcpseg_cli.train.samples import AreaSamples, prepare_samples
+from mcpseg_cli.train.sources import Batches
 from mcpseg_cli.train.windows import WindowSource
 
 AreaProgress = Callable[[str, int, int], None]

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.sparse import Level
 from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.losses import (
     classification_loss,
@@ -17,6 +18,7 @@ from mcpseg_cli.train.losses import (
     triplet_semihard_loss,
 )
 from mcpseg_cli.train.scores import Outcome, nearest_is_of_same_object
+from mcpseg_cli.train.sources import AnyBatch
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,19 @@ class TensorBatch:
     context: Tensor | None
     semantic: Tensor
     instance: Tensor
+
+
+@dataclass(frozen=True)
+class TensorWindows:
+    """One batch of windows on the network's device; see ``windows.WindowBatch``."""
+
+    inputs: Tensor
+    levels: list[Level]
+    semantic: Tensor
+    instance: Tensor
+
+
+Tensors = TensorBatch | TensorWindows
 
 
 class Objective:
@@ -55,8 +70,9 @@ class Objective:
         self._weights = torch.tensor(weights, device=device)
         self._device = device
 
-    def to_tensors(self, batch: Batch) -> TensorBatch:
-        """Copy a batch into torch's own memory, on the processor: its alignment is always the same."""
+    def to_tensors(self, batch: AnyBatch) -> TensorBatch:
+        """Copy a batch into torch's own memory, whose alignment is always the same."""
+        assert isinstance(batch, Batch)
         return TensorBatch(
             torch.tensor(batch.centre),
             None if batch.context is None else torch.tensor(batch.context),
@@ -64,8 +80,9 @@ class Objective:
             torch.tensor(batch.instance),
         )
 
-    def move(self, batch: TensorBatch) -> TensorBatch:
+    def move(self, batch: Tensors) -> TensorBatch:
         """Move a batch to the device that the network is on."""
+        assert isinstance(batch, TensorBatch)
         if self._device.type == "cpu":
             return batch
         return TensorBatch(
@@ -79,11 +96,12 @@ class Objective:
         """Return the sum that gradients are taken of."""
         return (outcome.losses * self._weights).sum()
 
-    def evaluate(self, network: Network, batch: TensorBatch) -> Outcome:
+    def evaluate(self, network: Network, batch: Tensors) -> Outcome:
         """Run a network on one batch and compute its losses.
 
         Points without an object count in the class loss only.
         """
+        assert isinstance(batch, TensorBatch)
         is_bf16 = self._settings.precision == "bf16"
         with torch.autocast(self._device.type, torch.bfloat16, enabled=is_bf16):
             branches = network.branches(batch.centre, batch.context)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from mcpseg_cli.config import TrainSettings
-from mcpseg_cli.train.batches import Batches
+from mcpseg_cli.train.sources import Batches
 
 
 def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> float:

@@ -18,16 +18,15 @@ from torch import Tensor
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import TrainingError
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.train.batches import Batches
-from mcpseg_cli.train.objective import Objective, TensorBatch
+from mcpseg_cli.train.objective import Objective, Tensors
 from mcpseg_cli.train.prefetch import ahead
 from mcpseg_cli.train.progress import EpochReport, Progress, TrainState
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.schedule import learning_rate
 from mcpseg_cli.train.scores import Scores, Tally
-from mcpseg_cli.train.window_objective import TensorWindows, WindowObjective
+from mcpseg_cli.train.sources import Batches
+from mcpseg_cli.train.window_objective import WindowObjective
 
-Tensors = TensorBatch | TensorWindows
 _REPORT_STEPS = 10  # from one progress report to the next
 _BATCHES_AHEAD = 4
 
@@ -86,7 +85,9 @@ class Trainer:
         self._parameters = list(network.parameters())
         self._device = self._parameters[0].device
         objective = WindowObjective if network.sees_windows else Objective
-        self._objective: Objective | WindowObjective = objective(settings, class_weights, self._device)
+        self._objective: Objective | WindowObjective = objective(
+            settings, class_weights, self._device
+        )
 
         # with a weight decay of 0, AdamW is Adam (III-D)
         self._optimiser = torch.optim.AdamW(
@@ -177,7 +178,8 @@ class Trainer:
         source = self._training.epoch(
             len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each
         )
-        with ahead(map(self._objective.to_tensors, source), _BATCHES_AHEAD + each) as batches:
+        tensors: Iterator[Tensors] = map(self._objective.to_tensors, source)
+        with ahead(tensors, _BATCHES_AHEAD + each) as batches:
             for _ in range(self._step, self.num_steps):
                 yield [self._objective.move(batch) for batch in islice(batches, each)]
 
@@ -217,7 +219,9 @@ class Trainer:
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
         source = validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
-        drawn = map(self._objective.to_tensors, islice(source, self._num_scored(validation)))
+        drawn: Iterator[Tensors] = map(
+            self._objective.to_tensors, islice(source, self._num_scored(validation))
+        )
 
         with ahead(drawn, _BATCHES_AHEAD) as batches:
             for drawn_batch in batches:

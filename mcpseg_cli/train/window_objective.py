@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from mcpseg_cli.config import TrainSettings
-from mcpseg_cli.networks.sparse import Level
+from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.unet import UNet, forward_pairs
 from mcpseg_cli.train.losses import classification_loss
+from mcpseg_cli.train.objective import Tensors, TensorWindows
 from mcpseg_cli.train.scores import Outcome
+from mcpseg_cli.train.sources import AnyBatch
 from mcpseg_cli.train.windows import WindowBatch
 
 _RAREST = 0.05  # pairs of two objects are rare, but not rarer than this in their weight
-
-
-@dataclass(frozen=True)
-class TensorWindows:
-    """One batch of windows on the network's device; see ``windows.WindowBatch``."""
-
-    inputs: Tensor
-    levels: list[Level]
-    semantic: Tensor
-    instance: Tensor
 
 
 class WindowObjective:
@@ -44,8 +34,9 @@ class WindowObjective:
         self._class_weights = None if class_weights is None else class_weights.to(device)
         self._device = device
 
-    def to_tensors(self, batch: WindowBatch) -> TensorWindows:
+    def to_tensors(self, batch: AnyBatch) -> TensorWindows:
         """Copy a batch into torch's own memory, on the processor."""
+        assert isinstance(batch, WindowBatch)
         return TensorWindows(
             torch.tensor(batch.inputs),
             batch.levels,
@@ -53,8 +44,9 @@ class WindowObjective:
             torch.tensor(batch.instance),
         )
 
-    def move(self, batch: TensorWindows) -> TensorWindows:
+    def move(self, batch: Tensors) -> TensorWindows:
         """Move a batch to the device that the network is on."""
+        assert isinstance(batch, TensorWindows)
         if self._device.type == "cpu":
             return batch
         return TensorWindows(
@@ -67,10 +59,13 @@ class WindowObjective:
     def total(self, outcome: Outcome) -> Tensor:
         """Return the sum that gradients are taken of."""
         weights = (self._settings.class_weight, self._settings.instance_weight, 0.0)
-        return (outcome.losses * outcome.losses.new_tensor(weights)).sum()
+        total: Tensor = (outcome.losses * outcome.losses.new_tensor(weights)).sum()
+        return total
 
-    def evaluate(self, network: UNet, batch: TensorWindows) -> Outcome:
+    def evaluate(self, network: Network, batch: Tensors) -> Outcome:
         """Run the network on a batch and compute its losses."""
+        assert isinstance(network, UNet)
+        assert isinstance(batch, TensorWindows)
         is_bf16 = self._settings.precision == "bf16"
         with torch.autocast(self._device.type, torch.bfloat16, enabled=is_bf16):
             output = network(batch.inputs, batch.levels)

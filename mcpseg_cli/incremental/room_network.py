@@ -1,0 +1,173 @@
+"""The network that sees the room: all voxels in range of the robot are judged anew at every scan."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mcpseg_cli.config import EMBEDDING, Precision, SegmentSettings
+from mcpseg_cli.grid import voxel_of
+from mcpseg_cli.incremental.clustering import quantise
+from mcpseg_cli.incremental.evidence import Look
+from mcpseg_cli.incremental.growing_map import Observation
+from mcpseg_cli.incremental.map_rows import VoxelLabels
+from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.incremental.window import window_input
+from mcpseg_cli.networks.device import find_device, resolve_precision
+from mcpseg_cli.networks.sparse import NUM_FORWARD, make_levels
+from mcpseg_cli.networks.unet import NUM_LEVELS, UNet, fold, forward_pairs
+from mcpseg_cli.networks.weights import Weights
+
+_HEIGHT = 8.0  # metres above and below the robot that belong to its room
+_COARSEST = np.int32(2 ** (NUM_LEVELS - 1) - 1)  # levels stay aligned with the map
+_RIM = 1.0  # metres from the border of the window within which a look is worth less
+_LOOKS_OFFLINE = 8  # scans taken to have seen each voxel of a complete cloud
+_LEAST = 0.2  # what a look from the border itself is worth
+
+
+class RoomNetwork:
+    """The sparse U-Net over windows of the map.
+
+    Args:
+        weights: Network and class table.
+        settings: Similarity, where not given, is what the network's affinities say.
+        precision: Arithmetic of the dense layers; ``auto`` is bf16 where the processor computes it
+            natively.
+        device: Where the network runs, as torch names it.
+
+    Attributes: See ``SegmentationMethod``.
+
+    Raises:
+        McpsegError: The device does not exist here.
+    """
+
+    def __init__(
+        self,
+        weights: Weights,
+        settings: SegmentSettings,
+        *,
+        precision: Precision = "auto",
+        device: str = "cpu",
+    ) -> None:
+        network = weights.network
+        assert isinstance(network, UNet)
+        self.name: str = weights.info.architecture
+        self.weights = weights
+        self.classes = weights.info.classes
+        self.precision = resolve_precision(precision, device)
+
+        # neighbours of one object rather than of two: the similarity that it stands for
+        own = {"batch_size": network.batch_size, "similarity": network.even_similarity()}
+        missing = own.keys() - settings.model_fields_set
+        self.settings = settings.model_copy(update={name: own[name] for name in missing})
+        self.similarity = self.settings.similarity
+
+        self._device = find_device(device)
+        self._network = fold(network, self.precision).to(self._device)
+
+    def configuration(self) -> dict[str, object]:
+        """Record the hash of the weights, which says all; see ``SegmentationMethod``."""
+        return {"weights": self.weights.sha256}
+
+    def looks_at(
+        self, voxels: VoxelMap, observed: Observation, position: NDArray[np.float64]
+    ) -> NDArray[np.int32]:
+        """List the voxels to judge at a scan: all in range of the robot, and all that it saw."""
+        around = voxels.near(position, self.settings.local_range, _HEIGHT)
+        return np.union1d(around, np.concatenate([observed.seen_again, observed.new]))
+
+    @torch.inference_mode()
+    def look(
+        self,
+        voxels: VoxelMap,
+        ids: NDArray[np.int32],
+        looks: NDArray[np.uint16],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> tuple[Look, NDArray[np.int16]]:
+        """Judge voxels, each with all others as context; nothing is random.
+
+        Args:
+            voxels: The map.
+            ids: (M,) int32 voxels, ascending: the window.
+            looks: (M,) uint16 how many scans saw each.
+            position: (3,) float64 robot position, metres, map frame.
+            floor: Height of the floor, metres, map frame.
+            rng: Not used.
+
+        Returns:
+            What the network says, and (M, E) int16 what neighbours are compared by.
+        """
+        # the window in the order of its voxels, so that neighbours are near in memory
+        xyz, voxel = voxels.xyz[ids], voxel_of(voxels.xyz[ids], voxels.voxel_size)
+        order = np.lexsort(voxel.T[::-1])
+        ids, xyz, voxel = ids[order], xyz[order], voxel[order]
+        origin = voxel_of(position[None].astype(np.float32), voxels.voxel_size)
+        levels = make_levels(voxel - (origin & ~_COARSEST), NUM_LEVELS)
+
+        # what each is, and whom it belongs with
+        neighbours = levels[0].neighbours.numpy()
+        inputs = window_input(
+            xyz,
+            voxels.rgb[ids],
+            looks[order],
+            voxel,
+            neighbours,
+            voxel_size=voxels.voxel_size,
+            floor=floor,
+        )
+        levels = [level.to(self._device) for level in levels]
+        output = self._network(torch.from_numpy(inputs).to(self._device), levels)
+        probability = torch.softmax(output.logits / self.weights.info.temperature, dim=1)
+        unit = output.embedding.cpu().numpy()
+        affinity = self._affinity(output.embedding, levels[0].neighbours)
+
+        embedding = np.zeros((len(ids), EMBEDDING), np.float32)
+        embedding[:, : unit.shape[1]] = unit
+        weight = self._weigh(xyz, position)
+        return Look(ids, probability.cpu().numpy(), weight, affinity), quantise(embedding)
+
+    def classify(
+        self,
+        voxel_map: VoxelMap,
+        ids: NDArray[np.int32],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> VoxelLabels:
+        """Judge voxels of a complete cloud in one look; see ``SegmentationMethod``."""
+        looks = np.full(len(ids), _LOOKS_OFFLINE, np.uint16)
+        look, embedding = self.look(voxel_map, ids, looks, position, floor, rng)
+        order = np.argsort(look.ids)  # ids are ascending
+        semantic = look.probability.argmax(axis=1).astype(np.uint8)[order]
+        return VoxelLabels(semantic, look.probability.max(axis=1)[order], embedding[order])
+
+    def partners(
+        self,
+        voxel_map: VoxelMap,
+        new: NDArray[np.int32],
+        embedding: NDArray[np.int16],
+        known: NDArray[np.int16],
+    ) -> NDArray[np.int32]:
+        """Give all neighbours: how similar they are decides; see ``SegmentationMethod``."""
+        return voxel_map.neighbours(new)
+
+    def _affinity(self, embedding: torch.Tensor, neighbours: torch.Tensor) -> NDArray[np.float32]:
+        """Give (M, 13) float32 how likely each voxel and its forward neighbours are of one object."""
+        one, other = forward_pairs(neighbours)
+        logit = self._network.affinity(embedding[one], embedding[other])
+        affinity = torch.full((len(embedding), NUM_FORWARD), torch.nan, device=embedding.device)
+        affinity[neighbours[:, -NUM_FORWARD:] >= 0] = torch.sigmoid(logit)
+        answer: NDArray[np.float32] = affinity.cpu().numpy()
+        return answer
+
+    def _weigh(
+        self, xyz: NDArray[np.float32], position: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """Give (M,) float32 what a look is worth: less at the rim, where half of the room is missing."""
+        away = np.hypot(*(xyz[:, :2] - position[:2].astype(np.float32)).T)
+        inside = (np.float32(self.settings.local_range) - away) / np.float32(_RIM)
+        weight: NDArray[np.float32] = np.clip(inside, _LEAST, 1).astype(np.float32)
+        return weight
