@@ -1,4 +1,4 @@
-"""The methods that tables I and II compare, by name."""
+"""The methods that tables I and II compare: what every one must do, and how to open one by name."""
 
 from __future__ import annotations
 
@@ -92,9 +92,8 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     """
     if method == "region-growing":
         if weights is not None:
-            raise WeightsError(
-                weights, "weights for region growing", "none, it learns nothing", "leave -w out"
-            )
+            found, expected = "weights for region growing", "none, it learns nothing"
+            raise WeightsError(weights, found, expected, "leave -w out")
         return RegionGrowingSettings()
 
     # whatever network the weights are of
@@ -107,16 +106,13 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     except WeightsError as error:
         if weights is not None:
             raise
+        source, expected = f"--method {method}", "weights of this network with -w"
         remedy = f"train them with 'mcpseg train --net {method}'"
-        found = "no bundled weights"
-        raise WeightsError(
-            f"--method {method}", found, "weights of this network with -w", remedy
-        ) from error
+        raise WeightsError(source, "no bundled weights", expected, remedy) from error
     if loaded.info.architecture != method:
+        found = f"weights of {loaded.info.architecture}"
         remedy = "give other weights, or leave --method out"
-        raise WeightsError(
-            loaded.name, f"weights of {loaded.info.architecture}", f"weights of {method}", remedy
-        )
+        raise WeightsError(loaded.name, found, f"weights of {method}", remedy)
     return loaded
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +105,7 @@ class IncrementalSegmenter:
         Raises:
             WeightsError: The weights are not there or damaged.
         """
-        return cls(load_weights(Path(find_weights(weights))), settings)
+        return cls(load_weights(find_weights(weights)), settings)
 
     @property
     def map(self) -> VoxelMap:
