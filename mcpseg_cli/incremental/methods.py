@@ -1,4 +1,4 @@
-"""The methods that tables I and II compare: what every one must do, and how to open one by name."""
+"""The methods that tables I and II compare: what each must do, and how to open one by name."""
 
 from __future__ import annotations
 
