@@ -1,5 +1,6 @@
 """README, docs/ and CONTRIBUTING: links point somewhere, commands parse, Python runs."""
 
+import inspect
 import re
 import shlex
 from itertools import count, groupby
@@ -135,6 +136,19 @@ def test_commands_are_found_in_loops_and_pipes(tmp_path):
     page.write_text("```sh\nfor n in 1; do a $n; b > c; done  # it's so\na -x 'y z' | b\n```\n")
     found = [shlex.join(words) for words in simple_commands(page)]
     assert found == ["for n in 1", "a '$n'", "b", "a -x 'y z'", "b"]
+
+
+@pytest.mark.parametrize("command", app.registered_commands, ids=lambda command: command.name)
+def test_examples_in_the_help_parse(command):
+    text = inspect.getdoc(command.callback)
+    assert set(re.findall(r"^.*\x08.*$", text, re.MULTILINE)) <= {"\b"}
+    examples = re.findall(r"^Examples:\n((?:  .+\n?)+)", text, re.MULTILINE)
+    for line in "".join(examples).splitlines():
+        program, *words = re.split("[|>]", line)[0].split()
+        if program == "mcpseg":
+            parse(*words)
+        else:
+            assert program == "torchrun"
 
 
 def test_the_readme_has_the_usual_forms():
