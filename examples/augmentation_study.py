@@ -1,7 +1,7 @@
 """What each part of the augmentation is worth: MCPNet trained with one part left out at a time.
 
-    python examples/augmentation_study.py data/ --holdout 6 -o study/ [--batches 3000] [--recording
-    office=scans_9/]
+    python examples/augmentation_study.py data/ --holdout 6 -o study/
+    python examples/augmentation_study.py data/ -o study/ --batches 3000 --recording office=scans_9/
 
 Each network is scored on batches of the held-out area as they are, then changed as another sensor,
 light or map would change them. ``--recording`` adds folders that ``mcpseg raytrace`` wrote,

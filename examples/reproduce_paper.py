@@ -1,8 +1,8 @@
 """Make the paper's tables I, II and III and its figure 5, from nothing or from S3DIS.
 
-    python examples/reproduce_paper.py -o paper/ --quick     # minutes: small buildings, one short
-    epoch python examples/reproduce_paper.py -o paper/             # hours: six synthetic areas,
-    fold 6 python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
+    python examples/reproduce_paper.py -o paper/ --quick    # minutes: small buildings, one epoch
+    python examples/reproduce_paper.py -o paper/            # hours: six synthetic areas, fold 6
+    python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
 
 Every step is an mcpseg command, printed before it runs; its result stays in the output folder, and
 a step whose result is there is passed over: run the same command again to continue, with more

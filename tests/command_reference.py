@@ -1,16 +1,16 @@
-"""The README's command reference, made from the commands themselves: ``python -m tests.command_reference``."""
+"""docs/commands.md, made from the commands themselves: ``python -m tests.command_reference``."""
 
 import inspect
 import re
 from enum import Enum
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo
 
 from mcpseg_cli.cli import app
 
-README = Path(__file__).parents[1] / "README.md"
+PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 BEGIN, END = "<!-- commands: python -m tests.command_reference -->\n", "<!-- end of commands -->\n"
 
 
@@ -22,7 +22,7 @@ def reference() -> str:
 
 
 def describe(name, function) -> str:
-    """Describe one command, folded."""
+    """Describe one command under its own heading."""
     summary = inspect.getdoc(function).splitlines()[0]
     hints = get_type_hints(function, include_extras=True)
     parameters = inspect.signature(function).parameters.values()
@@ -31,7 +31,7 @@ def describe(name, function) -> str:
         for parameter in parameters
     ]
     table = "\n".join(["| | |", "|---|---|", *rows])
-    return f"<details><summary><code>mcpseg {name}</code>: {summary}</summary>\n\n{table}\n\n</details>\n"
+    return f"## mcpseg {name}\n\n{summary}\n\n{table}\n"
 
 
 def describe_parameter(name, default, hint) -> str:
@@ -58,14 +58,14 @@ def placeholder(kind) -> str:
 
 
 def choices(kind) -> list[str]:
-    """Give the values of an option that takes one of a few."""
-    kinds = [kind, *get_args(kind)]
-    return [
-        value.value
-        for kind in kinds
-        if inspect.isclass(kind) and issubclass(kind, Enum)
-        for value in kind
-    ]
+    """Give the values of an option that takes one of a few, a literal or an enumeration."""
+    values: list[str] = []
+    for part in (kind, *get_args(kind)):
+        if get_origin(part) is Literal:
+            values += get_args(part)
+        elif inspect.isclass(part) and issubclass(part, Enum):
+            values += [value.value for value in part]
+    return values
 
 
 def tidy(text: str) -> str:
@@ -73,11 +73,11 @@ def tidy(text: str) -> str:
     return re.sub(r"\s+", " ", text).strip().replace("|", "\\|")
 
 
-def with_reference(readme: str) -> str:
-    """Put the reference into the README's text."""
-    before, rest = readme.split(BEGIN)
-    return before + BEGIN + reference() + rest[rest.index(END) :]
+def with_reference(page: str) -> str:
+    """Put the reference into the page's text."""
+    before, rest = page.split(BEGIN)
+    return before + BEGIN + "\n" + reference() + "\n" + rest[rest.index(END) :]
 
 
 if __name__ == "__main__":
-    README.write_text(with_reference(README.read_text()))
+    PAGE.write_text(with_reference(PAGE.read_text()))

@@ -200,8 +200,8 @@ def train(
     NAME.md (model card) and NAME.json (curves, scores, settings); NAME.checkpoint is there until
     training is done. Ctrl-C stops after the step at hand.
 
-    \b A class table says which labels of the data mean which class, one a line; two labels may mean
-    the same:
+    \b
+    A class table says which labels of the data mean which class; two labels may mean the same:
       label,class
       office chair,chair
       armchair,chair
@@ -211,8 +211,8 @@ def train(
     Examples:
       mcpseg train --holdout 6
       mcpseg train data/ --holdout all --net voxnet -o trained/
-      mcpseg train scans/ --holdout none --init mcpnet-holdout6 --classes mine.csv --lr 1e-4
-      --epochs 20 torchrun --nproc-per-node 2 -m mcpseg_cli train --holdout 6 --device cuda
+      mcpseg train scans/ --holdout none --init mcpnet --classes mine.csv --lr 1e-4 --epochs 20
+      torchrun --nproc-per-node 2 -m mcpseg_cli train --holdout 6 --device cuda
     """
     from pydantic import ValidationError
 

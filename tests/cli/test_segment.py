@@ -271,35 +271,6 @@ def test_the_robot_loop_of_the_examples_runs(tmp_path):
     assert result.stdout
 
 
-def test_the_python_of_the_readme_runs(make_recording, tmp_path):
-    from mcpseg_cli.formats.recording import open_recording, read_scan
-
-    scans = [
-        read_scan(source, "map", 0.1)[0]
-        for source in open_recording(*make_recording(tmp_path / "input"))
-    ]
-    code = re.search(
-        r"```python\n(from mcpseg_cli.scan.*?)```",
-        (REPOSITORY / "README.md").read_text(),
-        re.DOTALL,
-    ).group(1)
-    names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert names["segmenter"].num_scans == 4
-    assert sum(item.num_points for item in names["objects"]) == len(names["segmenter"].map)
-
-
-def test_the_open3d_lines_of_the_readme_run(make_recording, tmp_path, weights_path, monkeypatch):
-    segment(make_recording(tmp_path / "input"), tmp_path / "out", weights_path)
-    monkeypatch.chdir(tmp_path)
-    code = re.search(
-        r"```python\n(import open3d.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL
-    ).group(1)
-    names = {}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert len(names["on_floor"]) == len(read_cloud(tmp_path / "out/map.ply"))
-
-
 def test_overwrite_never_touches_the_input(make_recording, tmp_path, weights_path):
     recording = make_recording(tmp_path / "own")
     for output in (tmp_path / "own", recording[0]):
@@ -316,16 +287,6 @@ def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weight
     result = segment(recording, tmp_path / "out", weights_path)
     assert result.exit_code == 0
     assert "only 0 of 3,200 points lie within --range 2 of their pose" in result.stderr
-
-
-def test_every_mcpseg_command_of_the_readme_parses():
-    text = (REPOSITORY / "README.md").read_text()
-    commands = re.findall(r"^mcpseg (\S+)(.*?)(?:\||#|$)", text, re.MULTILINE)
-    assert len(commands) >= 5
-    for name, rest in commands:
-        options = re.findall(r" (--?[a-z-]+)", rest)
-        help_text = invoke(name, "--help").stdout
-        assert all(option in help_text for option in options), (name, options)
 
 
 @pytest.mark.parametrize(

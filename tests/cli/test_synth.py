@@ -1,7 +1,6 @@
 """``mcpseg synth`` as people type it, and the way from nothing to scores."""
 
 import json
-import re
 import resource
 import signal
 import subprocess
@@ -197,16 +196,6 @@ def test_from_nothing_to_scores(area, tmp_path, weights_path):
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
-
-
-def test_the_python_lines_of_the_readme_run():
-    text = (REPOSITORY / "README.md").read_text()
-    code = re.search(
-        r"```python\n(from mcpseg_cli.config import RaytraceSettings.*?)```", text, re.DOTALL
-    ).group(1)
-    names: dict = {}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert len(names["scan"].points) > 1000
 
 
 def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):
