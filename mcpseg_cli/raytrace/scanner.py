@@ -14,6 +14,7 @@ from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
 from mcpseg_cli.raytrace.rays import ScanPattern, cast_rays, visible_voxels
 
 POSE_COLUMNS = "scan,x,y,z,qx,qy,qz,qw"
+_DECIMALS = 6  # of a position in metres
 
 
 @dataclass(frozen=True)
@@ -108,13 +109,30 @@ def pattern_of(settings: RaytraceSettings) -> ScanPattern:
     )
 
 
+def scan_name(number: int) -> str:
+    """Return what the files and the pose of a scan are called."""
+    return f"{number:06d}"
+
+
 def poses_table(poses: NDArray[np.float64]) -> str:
-    """Write poses, (S, 4, 4) float64 turned about z only, as the text of ``poses.csv``; scans are called by number."""
+    """Write the text of ``poses.csv``.
+
+    Args:
+        poses: (S, 4, 4) float64, metres, turned about z only; their scans are called by number.
+    """
     yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
     rows = [POSE_COLUMNS]
     for number, (pose, angle) in enumerate(zip(poses, yaw.tolist(), strict=True)):
-        x, y, z = pose[:3, 3].tolist()
-        rows.append(
-            f"{number:06d},{x:.6f},{y:.6f},{z:.6f},0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
-        )
+        x, y, z = (f"{value:.{_DECIMALS}f}" for value in pose[:3, 3].tolist())
+        turn = f"0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
+        rows.append(f"{scan_name(number)},{x},{y},{z},{turn}")
     return "\n".join(rows) + "\n"
+
+
+def rounded_places(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (S, 3) float64 places of poses as ``poses_table`` writes them, to the micrometre.
+
+    Whether a run is continued or not, its scans are taken from the same places.
+    """
+    places = [[round(value, _DECIMALS) for value in place] for place in poses[:, :3, 3].tolist()]
+    return np.array(places, np.float64).reshape(-1, 3)

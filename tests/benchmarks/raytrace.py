@@ -22,7 +22,9 @@ import numpy as np
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
+from mcpseg_cli.raytrace.drive import Waypoints
 from mcpseg_cli.raytrace.rays import cast_rays, visible_voxels
+from mcpseg_cli.raytrace.record import RouteRecord
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 from mcpseg_cli.raytrace.scanner import VirtualScanner
 from tests import reference
@@ -64,7 +66,7 @@ def positions_in(scanner: VirtualScanner, num: int) -> np.ndarray:
 def scan_ms(
     scanner: VirtualScanner, positions: np.ndarray, jobs: int
 ) -> tuple[float, float, float]:
-    """Median milliseconds of a scan: rays shared among ``jobs`` threads, rays in one thread, and voxels seen."""
+    """Median milliseconds of a scan, its rays shared among threads and in one, and voxels seen."""
     directions = scanner.pattern.directions()
     shared, alone, seen = [], [], []
     with ThreadPoolExecutor(jobs) as pool:
@@ -84,7 +86,7 @@ def scan_ms(
 
 
 def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, float]:
-    """How many times longer plain Python takes than the kernel in one thread, and its seconds for a whole scan."""
+    """How many times longer than the kernel plain Python takes, and its seconds for a scan."""
     grid = scanner.grid
     x, y, z = np.nonzero(grid.masks)
     occupied = set()
@@ -118,9 +120,9 @@ def command_ms(building: Building, positions: np.ndarray, jobs: int) -> float:
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
     poses[:, :3, 3] = positions
     with tempfile.TemporaryDirectory() as folder:
-        request = RaytraceRequest("benchmark", RaytraceSettings(), ".ply", "given")
+        request = RaytraceRequest("benchmark", RaytraceSettings(), ".ply", Waypoints())
         run = RaytraceRun(Path(folder) / "out", building, request)
-        run.start(poses, {})
+        run.start(poses, RouteRecord(waypoints=len(poses), length_m=0.0, free_area_m2=0.0))
         started = perf_counter()
         count = sum(1 for _ in run.run(jobs))
         return 1e3 * (perf_counter() - started) / count
