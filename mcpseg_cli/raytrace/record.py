@@ -113,6 +113,8 @@ class FinishedRecord(_Begun):
 RunRecord = BegunRecord | FinishedRecord
 BEGUN = set(_Begun.model_fields)
 """What a finished record takes over from the one it finishes."""
+REPORTED = {"source", "scans", "points", "voxels", "voxels_seen", "objects_seen", "route"}
+"""What a report takes over from a finished record."""
 _ANY_RECORD = TypeAdapter[RunRecord](Annotated[RunRecord, Field(discriminator="complete")])
 
 
@@ -149,12 +151,12 @@ class RaytraceReport(BaseModel):
 
 
 def record_text(record: RunRecord) -> str:
-    """Return a record as the text of ``raytrace.json``; bytes of names that are no UTF-8 survive."""
+    """Return the text of ``raytrace.json``; bytes of names that are no UTF-8 survive in it."""
     return json.dumps(record.model_dump(mode="json"), indent=1) + "\n"
 
 
 def read_record(folder: Path) -> RunRecord | None:
-    """Read the record of a folder, which is written before anything else; None where there is none.
+    """Read the record of a folder; None where there is none.
 
     Raises:
         OutputError: The file is no record.

@@ -21,6 +21,7 @@ from mcpseg_cli.raytrace.drive import Progress, Waypoints, plan_drive
 from mcpseg_cli.raytrace.record import (
     BEGUN,
     RECORD,
+    REPORTED,
     BegunRecord,
     FinishedRecord,
     ObjectRecord,
@@ -145,24 +146,28 @@ class RaytraceRun:
         """
         share = len(self.scanner.building) / len(self.scanner.grid)
         if share < _FEW_POINTS:
-            wider = f"give a --voxel-size above {self.request.settings.voxel_size:g}"
-            notify(f"only {share:.1f} points a voxel: rays may pass through walls; {wider}")
+            remedy = f"give a --voxel-size above {self.request.settings.voxel_size:g}"
+            notify(f"only {share:.1f} points a voxel: rays may pass through walls; {remedy}")
         if self.positions is not None and picture is None:
             return
 
+        # floor plan, waypoints, route
         drive = plan_drive(self.scanner, self.request.waypoints, threads=threads, progress=progress)
         for line in drive.notices():
             notify(line)
+
+        # the picture first: without it nothing is begun
         if picture is not None:
             plot_route(picture, drive.plan, drive.route, self.scanner.building)
         if self.positions is None:
             self.start(drive.route.poses, drive.record())
 
     def start(self, poses: NDArray[np.float64], route: RouteRecord) -> None:
-        """Record where to scan from, replacing an earlier run; places that see nothing are left out.
+        """Record where to scan from, replacing an earlier run.
 
         Args:
-            poses: (S, 4, 4) float64, sensor to map, turned about z only.
+            poses: (S, 4, 4) float64, sensor to map, turned about z only; those that see nothing are
+                left out.
             route: What to record about the route.
 
         Raises:
@@ -209,13 +214,15 @@ class RaytraceRun:
         Raises:
             OSError: The disk is full or the folder not writable; finished scans are kept.
         """
+        # what a killed call was writing
         assert self.positions is not None, "plan first"
         for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
             for leftover in folder.glob(f".*{PARTIAL}.*"):
                 leftover.unlink(missing_ok=True)
 
+        # a few scans ahead, not the whole building
         num_points = 0
-        numbers, ahead = range(self.num_scans), 8 * jobs  # scans, not the whole building
+        numbers, ahead = range(self.num_scans), 8 * jobs
         with ThreadPoolExecutor(jobs) as pool:
             for start in range(0, len(numbers), ahead):
                 for scan, voxels in pool.map(self._make, numbers[start : start + ahead]):
@@ -230,13 +237,7 @@ class RaytraceRun:
         assert isinstance(record, FinishedRecord), "not all scans are made"
         objects = len(building.object_names) or int((np.unique(building.instance) > 0).sum())
         return RaytraceReport(
-            source=record.source,
-            scans=record.scans,
-            points=record.points,
-            voxels=record.voxels,
-            voxels_seen=record.voxels_seen,
-            objects_seen=record.objects_seen,
-            route=record.route,
+            **record.model_dump(include=REPORTED),
             building_points=len(building),
             objects=objects,
             output=str(self.folder),
@@ -268,7 +269,7 @@ class RaytraceRun:
         assert self.record is not None
         building, grid = self.scanner.building, self.scanner.grid
 
-        # what is behind the voxels that were seen
+        # classes and objects of the voxels that were seen
         seen = grid.points[self._seen]
         per_class = np.bincount(building.semantic[seen], minlength=256).tolist()
         ids, counts = np.unique(building.instance[seen], return_counts=True)

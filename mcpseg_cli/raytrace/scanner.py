@@ -66,11 +66,15 @@ class VirtualScanner:
         if self.settings.dropout == self.settings.noise == 0.0:
             points = self.grid.points[voxels]
             return VirtualScan(voxels, points, self.building.xyz[points])
+
+        # some points are lost, but never all
         rng = np.random.default_rng((self.settings.seed, number))
         kept = rng.random(len(voxels)) >= self.settings.dropout
         kept[:1] |= not kept.any()  # a scan without a point is no scan
         voxels = voxels[kept]
         points = self.grid.points[voxels]
+
+        # the others move along their rays
         ray = self.building.xyz[points] - position
         distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-6)
         offset = ray / distance * rng.normal(0.0, self.settings.noise, (len(points), 1))
@@ -85,12 +89,15 @@ class VirtualScanner:
         )
 
     def clouds(self, scan: VirtualScan) -> tuple[Cloud, Cloud]:
-        """Return a scan as two clouds of the same points: ``x y z red green blue``, and with the truth about them."""
+        """Return a scan as two clouds: ``x y z red green blue``, and with the truth about them."""
+        # what the sensor gives
         columns: dict[str, NDArray[np.generic]] = {
             axis: scan.xyz[:, column] for column, axis in enumerate("xyz")
         }
         rgb = self.building.rgb[scan.points]
         columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
+
+        # what is known of the same points
         truth: dict[str, NDArray[np.generic]] = {
             "semantic": self.building.semantic[scan.points],
             "instance": self.building.instance[scan.points],
