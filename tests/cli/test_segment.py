@@ -331,10 +331,10 @@ def test_every_mcpseg_command_of_the_readme_parses():
 @pytest.mark.parametrize(
     ("name", "labels", "found"),
     [
-        ("semantic", np.full(9, 300), "semantic from 300 to 300"),
-        ("semantic", np.full(9, np.nan), "semantic from nan"),
-        ("semantic", np.full(9, "wall"), "semantic is"),
-        ("instance", np.zeros((9, 2), int), "instance is"),
+        ("semantic", np.full(9, 300), "class 300 (point 0)"),
+        ("semantic", np.full(9, np.nan), "semantic nan (point 0)"),
+        ("semantic", np.full(9, "wall"), "semantic <U4 (9,)"),
+        ("instance", np.zeros((9, 2), int), "instance int64 (9, 2)"),
     ],
 )
 def test_eval_names_labels_that_make_no_sense(tmp_path, name, labels, found):

@@ -293,7 +293,7 @@ def test_minus_one_is_unknown_and_no_object(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ({"semantic": None}, "no attribute semantic"),
+        ({"semantic": None}, "points without semantic"),
         ({"semantic": np.array([0, 13, 0, 0])}, r"class 13 \(point 1\); expected 0 to 12, or 255"),
         ({"semantic": np.array([0, 0, -2, 0])}, r"class -2 \(point 2\)"),
         ({"semantic": np.array([0, 0, 0.5, 0])}, r"semantic 0.5 \(point 2\)"),
