@@ -59,13 +59,10 @@ def read_building(
     elif path.suffix.lower() in CLOUD_SUFFIXES:
         building, notices = _from_cloud(path, read_cloud(path))
     else:
-        endings = ", ".join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))
-        raise InputError(
-            path,
-            f"a file ending in {path.suffix or 'nothing'!r}",
-            f"a folder, {endings}",
-            "convert it",
-        )
+        found = f"a file ending in {path.suffix or 'nothing'!r}"
+        expected = f"a folder, {', '.join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))}"
+        raise InputError(path, found, expected, "convert it")
+
     _check_extent(path, building.xyz)
     return building, notices
 
@@ -96,9 +93,7 @@ def _check_extent(path: Path, xyz: NDArray[np.floating]) -> None:
     """Refuse coordinates that float32 cannot hold to the millimetre."""
     farthest = max(abs(float(xyz.min())), abs(float(xyz.max())))
     if farthest > _FARTHEST:
-        raise InputError(
-            path,
-            f"coordinates up to {farthest:,.0f} m",
-            f"a map frame within {_FARTHEST:,.0f} m of its origin",
-            "subtract an offset from all points, and check for stray ones",
-        )
+        found = f"coordinates up to {farthest:,.0f} m"
+        expected = f"a map frame within {_FARTHEST:,.0f} m of its origin"
+        remedy = "subtract an offset from all points, and check for stray ones"
+        raise InputError(path, found, expected, remedy)

@@ -33,6 +33,7 @@ def point_labels(
         InputError: No ``semantic`` or no ``instance``, or not a whole number in range for each
             point.
     """
+    # classes, of the cloud's table or the one given
     semantic = _whole_numbers(cloud, "semantic", source)
     semantic = np.where(semantic == -1, UNKNOWN, semantic)
     if table := cloud.classes or classes:
@@ -40,6 +41,7 @@ def point_labels(
     elif (wrong := (semantic < 0) | (semantic > UNKNOWN)).any():
         raise _wrong_point("class", semantic, wrong, source, f"0 to {UNKNOWN}", _REMEDY)
 
+    # objects, none for numbers below 1
     instance = np.maximum(_whole_numbers(cloud, "instance", source), 0)
     if (wrong := instance > _LAST_OBJECT).any():
         remedy = "number objects from 1"
