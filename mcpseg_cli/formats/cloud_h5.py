@@ -1,4 +1,4 @@
-"""HDF5 clouds: one compressed dataset for every attribute, ``xyz`` and ``rgb`` (N, 3) among them."""
+"""HDF5 clouds: one compressed dataset for every attribute, among them ``xyz``, ``rgb`` (N, 3)."""
 
 from __future__ import annotations
 

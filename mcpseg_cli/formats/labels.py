@@ -96,7 +96,7 @@ def _whole_numbers(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
         raise InputError(source, found, "a whole number for every point", _REMEDY)
 
     # what int64 does not hold is not whole either
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         is_small = column.dtype.kind in "bi" or np.abs(column) < 2.0**62
         numbers = np.where(is_small, column, 0).astype(np.int64)
         wrong = ~np.broadcast_to(is_small, column.shape) | (numbers != column)

@@ -128,8 +128,9 @@ def write_room(
 ) -> tuple[str, ...]:
     """Write one room in the S3DIS layout: ``area/room/Annotations/class_k.txt``.
 
-    Objects are numbered from 1 in each class. The room appears under its name only when complete; until then it lies in a hidden folder, which
-    ``read_area`` passes over and the next attempt replaces. Coordinates are rounded to millimetres.
+    Objects are numbered from 1 in each class. The room appears under its name only when complete;
+    until then it lies in a hidden folder, which ``read_area`` passes over and the next attempt
+    replaces. Coordinates are rounded to millimetres.
 
     Args:
         area: The area's folder, made if not there.

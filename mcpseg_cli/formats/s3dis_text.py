@@ -58,11 +58,12 @@ class Lines:
 def read_lines(text: bytes) -> Lines:
     r"""Read lines ``x y z r g b``, separated by spaces or tabs, ended by LF or CRLF.
 
-    Blank lines are passed over. Coordinates are at most one float32 step from the correctly rounded number; colours may be
-    written as decimals and are rounded. A line is bad unless it is exactly six finite decimal
-    numbers with colours in 0 to 255. One with stray bytes in it (control characters, anything not
-    ASCII) is mended: they are taken for separators if that makes it good (``98 185\x10187``), else
-    left out if that does (``103.0\x100000``). Other bad lines are dropped.
+    Blank lines are passed over. Coordinates are at most one float32 step from the correctly rounded
+    number; colours may be written as decimals and are rounded. A line is bad unless it is exactly
+    six finite decimal numbers with colours in 0 to 255. One with stray bytes in it (control
+    characters, anything not ASCII) is mended: they are taken for separators if that makes it good
+    (``98 185\x10187``), else left out if that does (``103.0\x100000``). Other bad lines are
+    dropped.
 
     Args:
         text: Whole lines; the last may lack its end.
