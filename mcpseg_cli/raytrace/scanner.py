@@ -107,13 +107,9 @@ class VirtualScanner:
 
 def pattern_of(settings: RaytraceSettings) -> ScanPattern:
     """Return the directions and reach that settings describe."""
-    return ScanPattern(
-        settings.horizontal_deg,
-        settings.vertical_deg,
-        settings.lowest_deg,
-        settings.highest_deg,
-        settings.reach,
-    )
+    resolution = settings.horizontal_deg, settings.vertical_deg
+    elevations = settings.lowest_deg, settings.highest_deg
+    return ScanPattern(*resolution, *elevations, settings.reach)
 
 
 def scan_name(number: int) -> str:

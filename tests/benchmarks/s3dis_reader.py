@@ -1,4 +1,4 @@
-"""Reading a synthetic S3DIS area: points per second from text, from the cache, and with numpy.loadtxt.
+"""Reading a synthetic S3DIS area: points per second from text, the cache and numpy.loadtxt.
 
     python -m tests.benchmarks.s3dis_reader [--points 5000000] [--rooms 8]
 
@@ -87,15 +87,10 @@ def main() -> None:
         timed("text and writing the cache", points, lambda: read_area(area), repeats=1)
         timed("cache", points, lambda: read_area(area))
         largest = max(files, key=lambda file: file.stat().st_size)
-        timed(
-            "numpy.loadtxt",
-            LOADTXT_POINTS,
-            lambda: np.loadtxt(largest, max_rows=LOADTXT_POINTS),
-            repeats=1,
-        )
-        print(
-            f"peak memory of all this: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:,.0f} MB"
-        )
+        count = LOADTXT_POINTS
+        timed("numpy.loadtxt", count, lambda: np.loadtxt(largest, max_rows=count), repeats=1)
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+        print(f"peak memory of all this: {peak_mb:,.0f} MB")
 
 
 if __name__ == "__main__":

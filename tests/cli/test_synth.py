@@ -198,15 +198,8 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
 def test_from_nothing_to_scores(area, tmp_path, weights_path):
     coarse = ("--step", "1.5", "--h-res", "3", "--v-res", "3", "-q")
     assert invoke("raytrace", area, "-o", tmp_path / "r", *coarse).exit_code == 0
-    scans = invoke(
-        "segment",
-        tmp_path / "r/scans",
-        tmp_path / "r/poses.csv",
-        "-o",
-        tmp_path / "o",
-        "-w",
-        weights_path,
-    )
+    recording, options = (tmp_path / "r/scans", tmp_path / "r/poses.csv"), ("-w", weights_path)
+    scans = invoke("segment", *recording, "-o", tmp_path / "o", *options)
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
