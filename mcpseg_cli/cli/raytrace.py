@@ -139,6 +139,7 @@ def raytrace(
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")
 
+    # area after area, each with its own table
     task = _Task(
         settings=settings,
         suffix=f".{format.value}",
@@ -241,10 +242,12 @@ class _Task:
         waypoints = find_waypoints(area, given)
         building = self._read(area)
         request = RaytraceRequest(_name_of(area), self.settings, self.suffix, waypoints)
+
         with exclusive(folder):
             run = RaytraceRun(folder, building, request, overwrite=self.overwrite)
             self._plan(run, picture)
             self._scan(run)
+
         peak_memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         return run.report(perf_counter() - started, peak_memory_mb)
 

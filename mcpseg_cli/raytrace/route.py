@@ -225,6 +225,7 @@ def _nearest_neighbours(distance: NDArray[np.float64], start: int) -> NDArray[np
     for place in range(count):
         order[place] = here
         is_visited[here] = True
+
         nearest = -1
         for there in range(count):
             if is_visited[there]:

@@ -70,23 +70,24 @@ def scan_ms(
     directions = scanner.pattern.directions()
     shared, alone, seen = [], [], []
     with ThreadPoolExecutor(jobs) as pool:
-        for position in np.concatenate([positions[:2], positions]):
+        for position in np.concatenate([positions[:2], positions]):  # the first two do not count
             started = perf_counter()
             voxels = visible_voxels(scanner.grid, position, directions, 5.0, pool, jobs)
             shared.append(perf_counter() - started)
+
             started = perf_counter()
             visible_voxels(scanner.grid, position, directions, 5.0)
             alone.append(perf_counter() - started)
             seen.append(len(voxels))
-    return (
-        1e3 * float(np.median(shared[2:])),
-        1e3 * float(np.median(alone[2:])),
-        float(np.median(seen[2:])),
-    )
+
+    medians = (float(np.median(figures[2:])) for figures in (shared, alone, seen))
+    shared_s, alone_s, num_seen = medians
+    return 1e3 * shared_s, 1e3 * alone_s, num_seen
 
 
 def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, float]:
     """How many times longer than the kernel plain Python takes, and its seconds for a scan."""
+    # the occupied voxels as Python's set
     grid = scanner.grid
     x, y, z = np.nonzero(grid.masks)
     occupied = set()
@@ -97,6 +98,8 @@ def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, fl
             for bit in range(64)
             if mask >> bit & 1
         )
+
+    # some rays of a scan, marched in Python
     directions = scanner.pattern.directions()
     some = directions[:: len(directions) // NUM_TWIN_RAYS]
     start = (position / grid.voxel_size + 0.5 - grid.low).tolist()
@@ -106,6 +109,8 @@ def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, fl
         for ray in some.tolist()
     ]
     twin_s = perf_counter() - started
+
+    # the same rays in the kernel
     times = []
     for _ in range(50):
         started = perf_counter()
@@ -135,6 +140,8 @@ def main() -> None:
     parser.add_argument("--scans", type=int, default=40)
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
+
+    # what to scan, and from where
     building = bare_room()
     if arguments.area is not None:
         from mcpseg_cli.formats.buildings import read_building
@@ -142,6 +149,7 @@ def main() -> None:
         building = read_building(arguments.area)[0]
     scanner = VirtualScanner(building, RaytraceSettings())
     positions = positions_in(scanner, arguments.scans)
+
     command_ms(building, positions[:2], 1)  # compile the kernels
     shared, alone, seen = scan_ms(scanner, positions, arguments.jobs)
     ratio, twin_s = twin_ratio(scanner, positions[0])

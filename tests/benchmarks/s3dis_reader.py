@@ -53,7 +53,9 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=5_000_000)
     parser.add_argument("--rooms", type=int, default=8)
     arguments = parser.parse_args()
+
     with tempfile.TemporaryDirectory() as name:
+        # an area of random points; the kernels are compiled by another
         area = Path(name) / "Area_1"
         write_room(Path(name) / "warm", "office_1", room_objects(0, 1000))
         read_area(Path(name) / "warm", use_cache=False)
@@ -66,6 +68,8 @@ def main() -> None:
             write_room(area, room, objects)
         seconds = time.perf_counter() - start
         del rooms
+
+        # reading it, and what of that is not reading
         files = sorted(area.rglob("*.txt"))
         num_bytes = sum(file.stat().st_size for file in files)
         points = len(read_area(area, use_cache=False)[0])
@@ -84,6 +88,8 @@ def main() -> None:
             points,
             lambda: [s3dis_text.read_lines(text) for text in texts],
         )
+
+        # the cache, and what everyone has
         timed("text and writing the cache", points, lambda: read_area(area), repeats=1)
         timed("cache", points, lambda: read_area(area))
         largest = max(files, key=lambda file: file.stat().st_size)
