@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.classes import remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.formats.labels import check_classes, class_column, confidence_column, object_column
+from mcpseg_cli.formats.labels import check_classes, confidence_column, point_labels
 from mcpseg_cli.formats.recording import MAX_COORDINATE
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
@@ -86,15 +86,13 @@ def read_answer(output: Path) -> Answer:
         )
     cloud = read_cloud(path)
     _check_extent(cloud.xyz, path)
-    semantic = class_column(cloud, path)
-    if cloud.classes:
-        check_classes(semantic, cloud.classes, path)
+    semantic, instance = point_labels(cloud, path)
     return Answer(
         path,
         "voxel" if output.is_dir() else "point",
         cloud.xyz,
         semantic,
-        object_column(cloud, path),
+        instance,
         confidence_column(cloud, path),
         cloud.classes,
         _voxel_size(output),

@@ -15,7 +15,7 @@ from mcpseg_cli.errors import InputError, OutputError, StateError
 from mcpseg_cli.evaluate.label_stability import LabelHistory, Stability
 from mcpseg_cli.evaluate.score_curve import CurveRecorder, ScoreCurve
 from mcpseg_cli.formats import Cloud, read_cloud
-from mcpseg_cli.formats.labels import class_column, object_column
+from mcpseg_cli.formats.labels import point_labels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import to_map_frame
 from mcpseg_cli.segment.checkpoint import State
@@ -146,7 +146,7 @@ def _looks(
     is_rounded = _configuration(output).get("format") in ("las", "laz")
     for number, path in enumerate(files):
         cloud = read_cloud(path)
-        semantic, instance = class_column(cloud, path), object_column(cloud, path)
+        semantic, instance = point_labels(cloud, path)
         xyz = _in_map(cloud, poses[number] if poses else None)
         ids = voxels.find(xyz)
         usable = (ids >= 0) & ((semantic != UNKNOWN) | (instance > 0))

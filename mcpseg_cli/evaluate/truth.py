@@ -14,7 +14,7 @@ from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud
 from mcpseg_cli.formats.buildings import HDF5_SUFFIXES, read_building
-from mcpseg_cli.formats.labels import check_classes, class_column, object_column
+from mcpseg_cli.formats.labels import point_labels
 from mcpseg_cli.formats.recording import list_clouds
 from mcpseg_cli.formats.s3dis import Progress
 
@@ -77,9 +77,7 @@ class Truth:
             yield from _slices(self.source, self.building)
         for path in self.paths:
             cloud = read_cloud(path)
-            semantic, instance = class_column(cloud, path), object_column(cloud, path)
-            if cloud.classes:
-                check_classes(semantic, cloud.classes, path)
+            semantic, instance = point_labels(cloud, path)
             room = _look_up(self.room_of_object, instance)
             yield TruthPart(path, cloud.xyz, semantic, instance, room, cloud.classes)
 

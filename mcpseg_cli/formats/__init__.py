@@ -40,12 +40,8 @@ def read_cloud(path: Path) -> Cloud:
     elif suffix == ".pcd":
         from mcpseg_cli.formats.pcd import read_pcd as read
     else:
-        raise InputError(
-            path,
-            f"a file ending in {suffix or 'nothing'!r}",
-            ", ".join(CLOUD_SUFFIXES),
-            "convert it",
-        )
+        found = f"a file ending in {suffix or 'nothing'!r}"
+        raise InputError(path, found, ", ".join(CLOUD_SUFFIXES), "convert it")
     return checked(path, read(path))
 
 
@@ -84,7 +80,7 @@ def write_parts(path: Path, parts: CloudParts) -> None:
 
 
 def write_partial(path: Path, cloud: Cloud) -> Path:
-    """Write a point cloud file under a temporary name beside ``path``, to be renamed when its time has come.
+    """Write a point cloud file under a temporary name beside ``path``, to be renamed later.
 
     Args:
         path: As for ``write_cloud``.
@@ -100,7 +96,8 @@ def write_partial(path: Path, cloud: Cloud) -> Path:
     suffix = path.suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
         raise OutputError(
-            f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
+            f"{path}: cannot write {suffix or 'nothing'!r}; "
+            f"expected {', '.join(CLOUD_SUFFIXES)}; rename it"
         )
     return _write_partial(path, OnePart(cloud))
 
@@ -111,7 +108,10 @@ def _write_partial(path: Path, parts: CloudParts) -> Path:
     partial = path.with_name(f".{os.getpid()}-{threading.get_ident()}{PARTIAL}{suffix}")
     try:
         with naming(path):
-            (_write_e57 if suffix == ".e57" else _write_stream)(partial, parts)
+            if suffix == ".e57":
+                _write_e57(partial, parts)
+            else:
+                _write_stream(partial, parts)
     except OutputError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: {error}") from error

@@ -26,10 +26,12 @@ def whole_file(path: Path) -> Iterator[SteadyFile]:
     Raises:
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
+    # what killed processes were writing
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     for leftover in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
         if not _is_running(leftover.suffixes[-2][1:]):
             leftover.unlink(missing_ok=True)
+
     try:
         with naming(path), partial.open("w+b") as raw:
             file = SteadyFile(raw)
@@ -46,7 +48,10 @@ def _is_running(pid: str) -> bool:
 
 
 class SteadyFile(io.RawIOBase):
-    """A file that goes on after a failed write and says so when closed: HDF5 crashes the process over a full disk."""
+    """A file that goes on after a failed write and says so when closed.
+
+    HDF5 crashes the process over a full disk.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

@@ -292,10 +292,10 @@ def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weight
 @pytest.mark.parametrize(
     ("name", "labels", "found"),
     [
-        ("semantic", np.full(9, 300), "semantic from 300 to 300"),
-        ("semantic", np.full(9, np.nan), "semantic from nan"),
-        ("semantic", np.full(9, "wall"), "semantic is"),
-        ("instance", np.zeros((9, 2), int), "instance is"),
+        ("semantic", np.full(9, 300), "class 300 (point 0)"),
+        ("semantic", np.full(9, np.nan), "semantic nan (point 0)"),
+        ("semantic", np.full(9, "wall"), "semantic <U4 (9,)"),
+        ("instance", np.zeros((9, 2), int), "instance int64 (9, 2)"),
     ],
 )
 def test_eval_names_labels_that_make_no_sense(tmp_path, name, labels, found):

@@ -148,6 +148,19 @@ def test_a_forged_record_deletes_nothing_outside_the_rooms(area, tmp_path, plann
     assert (tmp_path / "Area_1/mine").is_dir()
 
 
+@pytest.mark.parametrize(
+    "change", [{"planned": ["../precious"]}, {"rooms": [{"name": "office_1"}]}, {"unknown": 1},
+               {"rooms": [{"name": "office_1", "points": {"tree": 1}, "objects": {}}]}]
+)  # fmt: skip
+def test_a_record_with_other_content_is_one_line(area, tmp_path, change):
+    (tmp_path / "Area_1").mkdir()
+    record = json.loads((area / "synth.json").read_text()) | change
+    (tmp_path / "Area_1/synth.json").write_text(json.dumps(record))
+    result = invoke("synth", tmp_path / "Area_1", *SMALL)
+    assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1)
+    assert "not what mcpseg synth wrote" in result.stderr
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"rooms": 4}', "null"])
 def test_a_damaged_record_is_one_line(tmp_path, text):
     (tmp_path / "Area_1").mkdir()
@@ -184,15 +197,8 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
 def test_from_nothing_to_scores(area, tmp_path, weights_path):
     coarse = ("--step", "1.5", "--h-res", "3", "--v-res", "3", "-q")
     assert invoke("raytrace", area, "-o", tmp_path / "r", *coarse).exit_code == 0
-    scans = invoke(
-        "segment",
-        tmp_path / "r/scans",
-        tmp_path / "r/poses.csv",
-        "-o",
-        tmp_path / "o",
-        "-w",
-        weights_path,
-    )
+    recording, options = (tmp_path / "r/scans", tmp_path / "r/poses.csv"), ("-w", weights_path)
+    scans = invoke("segment", *recording, "-o", tmp_path / "o", *options)
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
