@@ -213,7 +213,7 @@ def cut(path: Path) -> None:
             lambda folder, run: (run / "events.jsonl").write_text("{\n"),
             "events.jsonl: line 1 that is no event",
         ),
-        (lambda folder, run: (run / "run.json").write_text("{"), "run.json: no voxel size"),
+        (lambda folder, run: (run / "run.json").write_text("{"), "run.json: not JSON"),
         (lambda folder, run: cut(folder / "gt/0.ply"), "0.ply: "),
         (lambda folder, run: (folder / "gt/0.ply").unlink(), "gt: an empty folder"),
         (

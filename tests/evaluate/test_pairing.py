@@ -11,7 +11,8 @@ from scipy.spatial import KDTree
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.evaluate.pairing import NearestPoints, pair_with_truth
+from mcpseg_cli.evaluate.nearest_points import NearestPoints
+from mcpseg_cli.evaluate.pairing import pair_with_truth
 from mcpseg_cli.evaluate.truth import open_truth
 from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.hdf5 import write_building_h5

@@ -9,7 +9,7 @@ import pytest
 from sklearn import metrics as sklearn_metrics
 
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.evaluate.dotted_names import bounded_figures, flatten
+from mcpseg_cli.evaluate.dotted_names import bounded_metrics, flatten
 from mcpseg_cli.evaluate.overlaps import PointLabels
 from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans, prepare_plots
 from mcpseg_cli.evaluate.pooled import average, pool
@@ -215,12 +215,12 @@ def test_only_figures_of_which_more_is_better_can_be_demanded():
         "points": 3,
         "rooms": {"ari": 0.2},
     }
-    assert bounded_figures(document) == {"miou": 0.5, "rooms.ari": 0.2}
+    assert bounded_metrics(document) == {"miou": 0.5, "rooms.ari": 0.2}
 
 
 def test_of_several_runs_a_plain_name_is_pooled_where_it_can_be():
     document = {"runs": [], "pooled": {"miou": 0.4}, "mean": {"miou": 0.5, "nmi": 0.9}}
-    figures = bounded_figures(document)
+    figures = bounded_metrics(document)
     assert (figures["miou"], figures["nmi"], figures["mean.miou"]) == (0.4, 0.9, 0.5)
 
 
