@@ -88,6 +88,34 @@ def test_class_tables_without_a_common_name_are_refused(tmp_path):
         pair_with_truth(np.zeros((1, 3)), truth, CLASSES, REACH)
 
 
+def write_parts(folder: Path, *tables) -> Path:
+    """Write a part of truth for each class table, of one point of class 1."""
+    for number, classes in enumerate(tables):
+        write_truth(folder / f"{number}.ply", [[number, 0, 0]], [1], [1], classes)
+    return folder
+
+
+def test_without_a_table_the_first_that_the_truth_names_is_taken(tmp_path):
+    truth = open_truth(write_parts(tmp_path / "gt", ("sofa", "wall"), ("wall", "sofa", "lamp")))
+    paired = pair_with_truth(np.array([[0, 0, 0], [1, 0, 0.0]]), truth, (), REACH)
+    assert (paired.classes, paired.is_named) == (("sofa", "wall"), True)
+    assert (paired.semantic.tolist(), paired.other_classes) == ([1, 0], {"lamp": 0})
+
+
+def test_without_any_table_the_truth_says_how_many_classes_there_are(tmp_path):
+    truth = open_truth(write_parts(tmp_path / "gt", (), ()))
+    paired = pair_with_truth(np.array([[0, 0, 0], [5, 0, 0.0]]), truth, (), REACH)
+    assert (paired.classes, paired.is_named, paired.highest_class) == ((), False, 1)
+    assert paired.semantic.tolist() == [1, 255]
+
+
+def test_a_table_that_comes_after_classes_beyond_it_is_refused(tmp_path):
+    write_truth(tmp_path / "gt/1.ply", [[0, 0, 0]], [0], [1], classes=("wall",))
+    truth = open_truth(write_parts(tmp_path / "gt", ()))
+    with pytest.raises(InputError, match=r"gt: class 1; expected 0 to 0"):
+        pair_with_truth(np.zeros((1, 3)), truth, (), REACH)
+
+
 def test_classes_beyond_the_table_are_refused_when_the_truth_names_none(tmp_path):
     truth = open_truth(write_truth(tmp_path / "gt.ply", [[0, 0, 0]], [7], [1], classes=()))
     with pytest.raises(InputError, match=r"class 7 \(point 0\); expected 0 to 2"):

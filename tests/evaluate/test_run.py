@@ -9,6 +9,7 @@ import pytest
 from sklearn import metrics as sklearn_metrics
 
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.evaluate import truth as truth_module
 from mcpseg_cli.evaluate.dotted_names import bounded_metrics, flatten
 from mcpseg_cli.evaluate.overlaps import PointLabels
 from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans, prepare_plots
@@ -121,6 +122,32 @@ def test_it_is_said_what_ranks_objects(tmp_path):
         Cloud(cloud.columns | {"confidence": np.ones(len(cloud), np.float32)}, cloud.classes),
     )
     assert evaluate_run(output, truth).document()["ap_ranked_by"] == "mean confidence"
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_the_truth_is_read_once_where_only_it_may_name_the_classes(tmp_path, monkeypatch, named):
+    output, truth = write_pair(tmp_path, named=named)
+    cloud = read_cloud(output)
+    write_cloud(output, Cloud(cloud.columns))
+    reads = []
+    monkeypatch.setattr(
+        truth_module, "read_cloud", lambda path: reads.append(path) or read_cloud(path)
+    )
+    scores = evaluate_run(output, truth)
+    assert reads == [truth / "0.ply"]
+    assert scores.classes == (CLASSES if named else ("class_0", "class_1", "class_2"))
+    assert scores.classes_from == ("gt" if named else "neither")
+
+
+def test_a_run_is_followed_in_the_table_of_the_scores(labelled_run):
+    truth = labelled_run.out / "map.ply"
+    own = evaluate_run(labelled_run.out, truth)
+    other = evaluate_run(labelled_run.out, truth, classes=own.classes[::-1])
+    assert other.classes == own.classes[::-1]
+    assert other.scan_by_scan.stability == own.scan_by_scan.stability
+    for name in ("voxels", "miou_present", "point_accuracy"):
+        curves = [getattr(scores.scan_by_scan.curve, name) for scores in (own, other)]
+        np.testing.assert_allclose(*curves, rtol=1e-12)
 
 
 def test_truth_that_says_nothing_is_refused(tmp_path):
