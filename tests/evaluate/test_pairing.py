@@ -39,11 +39,15 @@ def test_the_nearest_points_are_those_of_a_kd_tree(seed, num_parts, offset):
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(0, 0.4, (int(rng.integers(1, 60)), 3)) + offset
     offered = rng.uniform(-0.1, 0.5, (int(rng.integers(1, 200)), 3)) + offset
+
+    # offered part by part
     nearest = NearestPoints(xyz, REACH)
     found, num_near = np.full(len(xyz), -1), 0
     for part in np.array_split(np.arange(len(offered)), num_parts):
         ids, rows, near = nearest.offer(offered[part])
         found[ids], num_near = part[rows], num_near + near
+
+    # all at once
     distance, expected = KDTree(offered).query(xyz, distance_upper_bound=REACH + 1e-6)
     np.testing.assert_array_equal(found, np.where(np.isfinite(distance), expected, -1))
     back = KDTree(xyz).query(offered, distance_upper_bound=REACH + 1e-6)[0]
@@ -143,10 +147,10 @@ def test_an_s3dis_area_is_truth_with_rooms(tmp_path):
     rng = np.random.default_rng(0)
     points = [rng.uniform(0, 1, (20, 3)).astype(np.float32) for _ in range(3)]
     rgb = np.zeros((20, 3), np.uint8)
-    write_room(
-        tmp_path / "Area_1", "office_1", [("wall", points[0], rgb), ("chair", points[1], rgb)]
-    )
-    write_room(tmp_path / "Area_1", "office_2", [("floor", points[2], rgb)])
+    wall, chair, floor = zip(("wall", "chair", "floor"), points, 3 * [rgb], strict=True)
+    write_room(tmp_path / "Area_1", "office_1", [wall, chair])
+    write_room(tmp_path / "Area_1", "office_2", [floor])
+
     truth = open_truth(tmp_path / "Area_1")
     paired = pair_with_truth(np.concatenate(points), truth, ("floor", "wall", "chair"), REACH)
     assert truth.rooms == ("office_1", "office_2")
