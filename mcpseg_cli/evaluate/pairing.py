@@ -129,13 +129,14 @@ class _ClassMatching:
 
         # no names anywhere so far: equal numbers are equal classes
         if not self.classes:
-            self.highest_class = max(
-                self.highest_class, int(np.flatnonzero(counts[:UNKNOWN]).max(initial=-1))
-            )
+            highest = int(np.flatnonzero(counts[:UNKNOWN]).max(initial=-1))
+            self.highest_class = max(self.highest_class, highest)
             return np.arange(256, dtype=np.uint8)
 
         if not part.classes:
             check_classes(part.semantic, self.classes, part.source)
+
+        # by name; what the table lacks is unknown
         table = remap_table(part.classes or self.classes, self.classes)
         self._is_matched |= bool((table != UNKNOWN).any())
         for index, name in enumerate(part.classes):

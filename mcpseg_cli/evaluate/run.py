@@ -187,16 +187,12 @@ def _choose_table(prediction: Prediction, truth: Truth, paired: PairedTruth) -> 
 def _check_truth(prediction: Prediction, truth: Truth, paired: PairedTruth) -> None:
     """Refuse truth of another place, and truth that says nothing at all."""
     if not paired.covered.any():
-        found, expected = (
-            f"no point near those of {truth.source}",
-            "the same place in the same frame",
-        )
+        found = f"no point near those of {truth.source}"
+        expected = "the same place in the same frame"
         raise InputError(prediction.output, found, expected, "check the two paths")
     if not (paired.semantic != UNKNOWN).any() and not (paired.instance > 0).any():
-        found = "neither class nor object for any covered point"
-        raise InputError(
-            truth.source, found, "labelled ground truth", "label it, or check the path"
-        )
+        found, expected = "neither class nor object for any covered point", "labelled ground truth"
+        raise InputError(truth.source, found, expected, "label it, or check the path")
 
 
 def _score(
