@@ -1,4 +1,4 @@
-"""Input scans with the labels of the final map: original points and attributes in original order."""
+"""Input scans with the labels of the final map: original points and attributes in their order."""
 
 from __future__ import annotations
 
@@ -38,19 +38,11 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
         if record.error is None:
             path = scans / record.name
             if not path.is_file():
-                raise InputError(
-                    path,
-                    "no such scan",
-                    f"the scans of {run.folder}",
-                    "name the folder of its input",
-                )
+                expected = f"the scans of {run.folder}"
+                raise InputError(path, "no such scan", expected, "name the folder of its input")
             if not _is_same(path, record):
-                raise InputError(
-                    path,
-                    "changed since it was labelled",
-                    f"the scan as {run.folder} was made from it",
-                    "restore it",
-                )
+                expected = f"the scan as {run.folder} was made from it"
+                raise InputError(path, "changed since it was labelled", expected, "restore it")
             files.append(ScanFile(path, record.pose))
     return files
 
@@ -79,12 +71,16 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
             f"{folder}: holds the input scans; expected another folder; choose another -o"
         )
     sources = check_scans(run, scans)
+
+    # the whole map as a look-up table, and the labels of its voxels
     voxel_size, frame = float(str(run.settings["voxel_size"])), run.settings["frame"]
     voxels, labels = VoxelMap(voxel_size), []
     for part in run.parts():
         voxels.restore(part.xyz, part.rgb)
         labels.append(Labels(part.semantic, part.instance, part.confidence))
     known = _joined([*labels, _UNKNOWN], run.classes)
+
+    # every scan by itself
     folder.mkdir(exist_ok=True)
     for source in sources:
         scan, cloud = read_scan(source, "sensor" if frame == "sensor" else "map", voxel_size)
