@@ -1,12 +1,11 @@
 """The folder of a run: what may be written into it, and what may be deleted from it."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mcpseg_cli.config import Frame, RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.errors import InputError, OutputError, StateError, StateInUseError
+from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
@@ -142,28 +141,3 @@ def configuration_of(
 def short(value: object) -> str:
     """Shorten a value for a message."""
     return "(none)" if value is None else str(value)[:16]
-
-
-def read_classes(path: Path) -> tuple[str, ...]:
-    """Read the names that ``semantic`` indexes.
-
-    Args:
-        path: The run.json of a run.
-
-    Returns:
-        The names; none for a method that tells objects only, whose points all have 255.
-
-    Raises:
-        InputError: Missing, or without a class table.
-    """
-    remedy = "run 'mcpseg segment' on this folder again, which writes it"
-    try:
-        document: object = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(path, "not there", "the description of the run", remedy) from error
-    except ValueError as error:
-        raise InputError(path, "not JSON", "the description of the run", remedy) from error
-    classes = document.get("classes") if isinstance(document, dict) else None
-    if not isinstance(classes, list) or not all(isinstance(name, str) for name in classes):
-        raise InputError(path, "no class table", "a list of names under 'classes'", remedy)
-    return tuple(classes)

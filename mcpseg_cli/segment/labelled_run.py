@@ -19,7 +19,7 @@ from mcpseg_cli.incremental.clustering import dequantise, resolve
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.folder import read_classes
+from mcpseg_cli.segment.run_record import RunRecord
 from mcpseg_cli.segment.scan_record import ScanRecord
 
 _PART_ROWS = 1 << 16  # voxels handed out at a time: 20 MB with all that is made of them on the way
@@ -101,7 +101,7 @@ class LabelledRun:
             raise InputError(
                 folder, found, "the folder of a run of 'mcpseg segment'", "check the path"
             )
-        self.classes = read_classes(folder / "run.json")
+        self.classes = RunRecord.read(folder).classes
         self._open_files = ExitStack()
         try:
             scratch = Path(

@@ -38,7 +38,7 @@ def make_run(folder: Path, voxels: int) -> None:
     rng = np.random.default_rng(0)
     unit = rng.normal(size=(PER_SCAN, EMBEDDING)).astype(np.float32)
     embedding = quantise(unit / np.linalg.norm(unit, axis=1, keepdims=True))
-    (folder / "run.json").write_text(json.dumps({"classes": S3DIS_CLASSES}))
+    (folder / "run.json").write_text(json.dumps({"configuration": {}, "classes": S3DIS_CLASSES}))
     with State(folder / "state.sqlite") as state:
         state.set_configuration({**SegmentSettings().model_dump(mode="json"), "frame": "map"})
         for number in range(-(-voxels // PER_SCAN)):

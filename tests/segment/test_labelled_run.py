@@ -135,7 +135,7 @@ def test_no_room_for_the_copy_is_one_line_about_the_folder_of_temporary_files(
         (lambda out: (out / "state.sqlite").unlink(), "no state.sqlite"),
         (lambda out: (out / "run.json").unlink(), "run.json: not there"),
         (lambda out: (out / "run.json").write_text("{"), "run.json: not JSON"),
-        (lambda out: (out / "run.json").write_text("[1]"), "run.json: no class table"),
+        (lambda out: (out / "run.json").write_text("[1]"), "run.json: all of it: "),
         (lambda out: (out / "state.sqlite").write_bytes(b"x" * 9999), "damaged"),
         (lambda out: sqlite3.connect(out / "state.sqlite").execute("DROP TABLE voxels"), "damaged"),
     ],
@@ -151,7 +151,7 @@ def test_what_is_no_run_is_one_line(labelled_run, tmp_path, make, found):
 
 
 def test_a_run_without_a_voxel_is_one_line(tmp_path):
-    (tmp_path / "run.json").write_text('{"classes": ["wall"]}')
+    (tmp_path / "run.json").write_text('{"configuration": {}, "classes": ["wall"]}')
     State(tmp_path / "state.sqlite").close()
     with pytest.raises(InputError, match="without any labelled voxel"):
         LabelledRun(tmp_path)
