@@ -11,25 +11,23 @@ from mcpseg_cli.networks.pooling import PoolContext
 
 
 class MCPNet(Network):
-    """Joint class and instance network, with or without multi-view context pooling.
+    """Joint class and instance network with multi-view context pooling (table I, "Proposed + MCP").
 
     Args:
         num_classes: C, classes to tell apart.
-        needs_context: Whether it pools context points (table I, "Proposed + MCP" against
-            "Proposed").
     """
 
+    needs_context = True
     has_embedding = True
     batch_size = BATCH
 
-    def __init__(self, num_classes: int, *, needs_context: bool = True) -> None:
+    def __init__(self, num_classes: int) -> None:
         super().__init__()
-        self.needs_context = needs_context
         self._pools_in_onednn = False
-        if needs_context:
+        if self.needs_context:
             self.context_1 = nn.Linear(NUM_FEATURES, HIDDEN)
             self.context_2 = nn.Linear(HIDDEN, HIDDEN)
-        self.features = nn.Linear(NUM_FEATURES + HIDDEN * needs_context, HIDDEN)
+        self.features = nn.Linear(NUM_FEATURES + HIDDEN * self.needs_context, HIDDEN)
         self.embed = nn.Linear(HIDDEN, EMBEDDING)
         self.hidden = nn.Linear(HIDDEN + EMBEDDING, HIDDEN)
         self.classify = nn.Linear(HIDDEN, num_classes)
@@ -101,3 +99,9 @@ class MCPNet(Network):
             self.context_1 = to_mkldnn(self.context_1)  # type: ignore[no-untyped-call]
             self.context_2 = to_mkldnn(self.context_2)  # type: ignore[no-untyped-call]
             self._pools_in_onednn = True
+
+
+class MCPNetNoContext(MCPNet):
+    """MCPNet without context pooling (table I, "Proposed")."""
+
+    needs_context = False

@@ -1,5 +1,8 @@
 """What training and the segmenter ask of every network."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 from itertools import pairwise
 
 from torch import Tensor, nn
@@ -7,8 +10,27 @@ from torch import Tensor, nn
 from mcpseg_cli.config import BASELINE_BATCH, SIMILARITY
 
 
+@dataclass(frozen=True)
+class NetworkOutput:
+    """All that losses are taken of.
+
+    Attributes:
+        embedding: (N, E) or (B, N, E) of unit length; None for a network without.
+        logits: (N, C) or (B, N, C) class logits.
+        features: What was normalised to the embedding, where the losses ask for it (SGPN).
+        confidence: (N,) or (B, N) overlap expected of a point's group with its object (SGPN).
+    """
+
+    embedding: Tensor | None
+    logits: Tensor
+    features: Tensor | None = None
+    confidence: Tensor | None = None
+
+
 class Network(nn.Module):
-    """A network that labels the points around a robot; MCPNet and the networks it is compared with (tables I to III).
+    """A network that labels the points around a robot (tables I to III).
+
+    The attributes are facts of the class: they can be asked without building a network.
 
     Attributes:
         needs_context: Whether it pools context points; then ``forward`` must be given them.
@@ -39,6 +61,10 @@ class Network(nn.Module):
             class logits.
         """
         return self.label(centre, None if context is None else self.pool_context(context))
+
+    def outputs(self, centre: Tensor, context: Tensor | None = None) -> NetworkOutput:
+        """Do as ``forward`` does, and give everything that the losses of this network need."""
+        return NetworkOutput(*self(centre, context))
 
     def pool_context(self, context: Tensor) -> Tensor:
         """Pool context points; only for networks that need them.

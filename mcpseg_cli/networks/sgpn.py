@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from mcpseg_cli.config import EMBEDDING, SGPN_SIMILARITY
-from mcpseg_cli.networks.network import Network, initialise, perceptron
+from mcpseg_cli.networks.network import Network, NetworkOutput, initialise, perceptron
 from mcpseg_cli.networks.pointnet import JOINT_WIDTHS, PointFeatures
 
 _HIDDEN = 64  # of the class and the confidence branch
@@ -35,6 +35,12 @@ class SGPN(Network):
         )
         self.confide = nn.Sequential(nn.Linear(width, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, 1))
         self.apply(initialise)
+
+    def outputs(self, centre: Tensor, context: Tensor | None = None) -> NetworkOutput:
+        """Give all three branches; see ``Network``."""
+        features, logits, confidence = self.branches(centre)
+        embedding = functional.normalize(features.float(), dim=-1, eps=1e-6)
+        return NetworkOutput(embedding, logits, features, confidence)
 
     def branches(self, centre: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Give what its losses need.

@@ -15,12 +15,8 @@ from safetensors.torch import save
 from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
 from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
 from mcpseg_cli.errors import WeightsError, naming
-from mcpseg_cli.networks.mcpnet import MCPNet
+from mcpseg_cli.networks.architectures import network_type
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.pointnet import PointNet
-from mcpseg_cli.networks.pointnet2 import PointNet2
-from mcpseg_cli.networks.sgpn import SGPN
-from mcpseg_cli.networks.voxnet import VoxNet
 
 DEFAULT_WEIGHTS = "mcpnet"
 _METADATA = "mcpseg"
@@ -178,15 +174,4 @@ def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
 
 def build_network(info: WeightsInfo) -> Network:
     """Build the network that ``info`` describes, with fresh parameters from torch's generator."""
-    num_classes = len(info.classes)
-    match info.architecture:
-        case "mcpnet" | "mcpnet-nocontext":
-            return MCPNet(num_classes, needs_context=info.architecture == "mcpnet")
-        case "pointnet":
-            return PointNet(num_classes)
-        case "pointnet2":
-            return PointNet2(num_classes)
-        case "sgpn":
-            return SGPN(num_classes)
-        case "voxnet":
-            return VoxNet(num_classes)
+    return network_type(info.architecture)(len(info.classes))

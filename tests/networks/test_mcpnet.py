@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from mcpseg_cli.networks.mcpnet import MCPNet
+from mcpseg_cli.networks.mcpnet import MCPNet, MCPNetNoContext
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_pooling_prepared_for_fp32_inference_equals_the_layers(network):
 
 
 def test_without_context_the_network_needs_points_only():
-    network = MCPNet(5, needs_context=False)
+    network = MCPNetNoContext(5)
     embedding, logits = network(torch.randn(7, 6))
     assert (embedding.shape, logits.shape) == ((7, 50), (7, 5))
     weights_and_biases = (6 + 1) * 200 + (200 + 1) * 50 + (250 + 1) * 200 + (200 + 1) * 5
