@@ -23,7 +23,7 @@ _CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bou
 _TILE_VOXELS = 64
 
 
-class NetworkLabeller:
+class NetworkClassifier:
     """A network that classifies and embeds voxels in batches.
 
     Args:
@@ -34,11 +34,7 @@ class NetworkLabeller:
             ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
 
-    Attributes:
-        settings: Complete.
-        classes: Class table.
-        similarity: Cosine similarity above which neighbours are connected.
-        precision: ``bf16`` or ``fp32``.
+    Attributes: See ``SegmentationMethod``.
 
     Raises:
         McpsegError: The device does not exist here.
@@ -52,11 +48,12 @@ class NetworkLabeller:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
+        self.name: str = weights.info.architecture
+        self.weights = weights
         self.settings = _complete(settings, weights.network)
         self.classes = weights.info.classes
         self.similarity = self.settings.similarity if weights.network.has_embedding else SIMILARITY
         self.precision = resolve_precision(precision, device)
-        self._info = weights.info
         self._device = find_device(device)
         self._network = copy.deepcopy(weights.network).to(self._device)
         self._network.pool_in(self.precision)
@@ -64,7 +61,11 @@ class NetworkLabeller:
             torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,)
         )
 
-    def label(
+    def configuration(self) -> dict[str, object]:
+        """Record the hash of the weights, which says all; see ``SegmentationMethod``."""
+        return {"weights": self.weights.sha256}
+
+    def classify(
         self,
         voxel_map: VoxelMap,
         ids: NDArray[np.int32],
@@ -160,7 +161,7 @@ class NetworkLabeller:
         for all cores. The tiles do not depend on how many workers there are, and so neither do the
         labels.
         """
-        uniform = rng.random((len(ids), self._info.num_context), np.float32)
+        uniform = rng.random((len(ids), self.weights.info.num_context), np.float32)
         num_tiles = (
             min(2 * -(-len(ids) // (2 * _TILE_VOXELS)), len(ids))
             if self._device.type == "cpu"
@@ -179,7 +180,7 @@ class NetworkLabeller:
     def _pool_tile(
         self, voxel_map: VoxelMap, ids: NDArray[np.int32], uniform: NDArray[np.float32]
     ) -> torch.Tensor:
-        sample = voxel_map.sample_context(ids, self._info.context_window, uniform)
+        sample = voxel_map.sample_context(ids, self.weights.info.context_window, uniform)
         context = context_input(ids, sample, voxel_map.xyz, voxel_map.rgb)
         return self._network.pool_context(torch.from_numpy(context).to(self._device))
 

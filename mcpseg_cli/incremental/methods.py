@@ -2,11 +2,81 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
 from mcpseg_cli.config import Method, Precision, RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import WeightsError
-from mcpseg_cli.incremental.classification import NetworkLabeller
+from mcpseg_cli.incremental.classification import NetworkClassifier
+from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.region_growing import RegionGrower
+from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
+
+
+class SegmentationMethod(Protocol):
+    """What labels voxels: what the segmenter, its run and its record ask of every method.
+
+    Attributes:
+        name: What ``--method`` calls it.
+        classes: Class table; empty for a method that tells objects only.
+        settings: Complete: what was not given is the method's own.
+        similarity: Cosine similarity above which neighbours are connected (III-C).
+        precision: ``bf16`` or ``fp32``.
+    """
+
+    name: str
+    classes: tuple[str, ...]
+    settings: SegmentSettings
+    similarity: float
+    precision: Precision
+
+    @property
+    def weights(self) -> Weights | None:
+        """The weights it labels with; None for a method that learns nothing."""
+
+    def configuration(self) -> dict[str, object]:
+        """Record which method decides the labels, beside ``settings`` and ``precision``; as JSON has it."""
+
+    def classify(
+        self,
+        voxel_map: VoxelMap,
+        ids: NDArray[np.int32],
+        position: NDArray[np.float64],
+        floor: float,
+        rng: np.random.Generator,
+    ) -> VoxelLabels:
+        """Find class and embedding of voxels (III-B).
+
+        Args:
+            voxel_map: The map; context comes from all of it.
+            ids: (M,) int32 voxels to classify.
+            position: (3,) float64 what the method takes for the robot's position, metres, map
+                frame.
+            floor: Height of the floor, metres, map frame.
+            rng: Decides every random choice.
+        """
+
+    def partners(
+        self,
+        voxel_map: VoxelMap,
+        new: NDArray[np.int32],
+        embedding: NDArray[np.int16],
+        known: NDArray[np.int16],
+    ) -> NDArray[np.int32]:
+        """Give the neighbours that new voxels may connect to (III-C).
+
+        Args:
+            voxel_map: The map.
+            new: (M,) int32 the new voxels, the map's last.
+            embedding: (M, E) int16 of the new voxels.
+            known: (V - M, E) int16 of those before.
+
+        Returns:
+            (M, 26) int32 voxel ids, -1 for none.
+        """
 
 
 def open_method(method: Method | None, weights: str | None) -> Weights | RegionGrowingSettings:
@@ -46,20 +116,17 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     return loaded
 
 
-Labeller = NetworkLabeller | RegionGrower
-
-
-def make_labeller(
+def make_method(
     method: Weights | RegionGrowingSettings,
     settings: SegmentSettings,
     precision: Precision,
     device: str,
-) -> Labeller:
-    """Make what labels voxels: a network, or region growing.
+) -> SegmentationMethod:
+    """Make ready what labels: a network, or region growing.
 
     Raises:
         McpsegError: The device does not exist here.
     """
     if isinstance(method, RegionGrowingSettings):
         return RegionGrower(method, settings)
-    return NetworkLabeller(method, settings, precision=precision, device=device)
+    return NetworkClassifier(method, settings, precision=precision, device=device)

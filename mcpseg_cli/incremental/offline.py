@@ -15,12 +15,12 @@ from mcpseg_cli.config import EMBEDDING, OFFLINE_BLOCK
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.methods import Labeller
+from mcpseg_cli.incremental.methods import SegmentationMethod
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 
 def label_cloud(
-    voxel_map: VoxelMap, positions: NDArray[np.float64], labeller: Labeller
+    voxel_map: VoxelMap, positions: NDArray[np.float64], method: SegmentationMethod
 ) -> tuple[MapRows, float]:
     """Label all voxels of a map, each as its block sees it, and cluster them once.
 
@@ -28,13 +28,13 @@ def label_cloud(
         voxel_map: The complete cloud, one point a voxel; at least one.
         positions: (S, 3) float64 where the scans were taken, metres, map frame; the nearest gives a
             block its height.
-        labeller: What labels.
+        method: What labels.
 
     Returns:
         The map's rows, labels final, and the height of the floor under the last block, metres, map
         frame.
     """
-    num_voxels, settings = len(voxel_map), labeller.settings
+    num_voxels, settings = len(voxel_map), method.settings
     semantic, confidence = np.empty(num_voxels, np.uint8), np.empty(num_voxels, np.float32)
     embedding = np.empty((num_voxels, EMBEDDING), np.int16)
     floor: float | None = None
@@ -42,15 +42,15 @@ def label_cloud(
         position = np.array([*middle, nearest_height(positions, middle)])
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))
-        found = labeller.label(voxel_map, ids, position, floor, rng)
+        found = method.classify(voxel_map, ids, position, floor, rng)
         semantic[ids], confidence[ids], embedding[ids] = (
             found.semantic,
             found.confidence,
             found.embedding,
         )
     everything = np.arange(num_voxels, dtype=np.int32)
-    clusters = Clusters(labeller.similarity)
-    clusters.add(embedding, labeller.partners(voxel_map, everything, embedding, embedding[:0]))
+    clusters = Clusters(method.similarity)
+    clusters.add(embedding, method.partners(voxel_map, everything, embedding, embedding[:0]))
     rows = MapRows(voxel_map.xyz, voxel_map.rgb, semantic, confidence, clusters.instance, embedding)
     return rows, floor or 0.0
 

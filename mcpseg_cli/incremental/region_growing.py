@@ -167,21 +167,24 @@ class RegionGrower:
         growing: Which neighbours are alike.
         settings: Batch size and similarity mean nothing here.
 
-    Attributes:
-        settings: As given.
-        classes: None.
-        similarity: Any: who is alike is decided before.
-        precision: ``fp32``.
+    Attributes: See ``SegmentationMethod``; any similarity connects: who is alike is decided before.
     """
 
     def __init__(self, growing: RegionGrowingSettings, settings: SegmentSettings) -> None:
+        self.name = "region-growing"
+        self.weights = None
         self.settings = settings
         self.classes: tuple[str, ...] = ()
         self.similarity = ANY
         self.precision: Precision = "fp32"
         self._growing = growing
 
-    def label(
+    def configuration(self) -> dict[str, object]:
+        """Record its name and its numbers; see ``SegmentationMethod``."""
+        growing = self._growing.model_dump()
+        return {"weights": None, "method": self.name, "region_growing": growing}
+
+    def classify(
         self,
         voxel_map: VoxelMap,
         ids: NDArray[np.int32],
@@ -189,7 +192,7 @@ class RegionGrower:
         floor: float,
         rng: np.random.Generator,
     ) -> VoxelLabels:
-        """Find the normals of voxels, which take the first places of the embedding; see ``NetworkLabeller.label``."""
+        """Find the normals of voxels, which take the first places of the embedding; see ``SegmentationMethod``."""
         embedding = np.zeros((len(ids), EMBEDDING), np.float32)
         embedding[:, :3] = estimate_normals(voxel_map, ids, position, self._growing)
         unknown = np.full(len(ids), UNKNOWN, np.uint8)
@@ -202,5 +205,5 @@ class RegionGrower:
         embedding: NDArray[np.int16],
         known: NDArray[np.int16],
     ) -> NDArray[np.int32]:
-        """Give the neighbours of new voxels that are alike; see ``NetworkLabeller.partners``."""
+        """Give the neighbours of new voxels that are alike; see ``SegmentationMethod``."""
         return keep_alike(voxel_map.neighbours(new), embedding, known, voxel_map.rgb, self._growing)

@@ -15,7 +15,7 @@ from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.methods import make_labeller
+from mcpseg_cli.incremental.methods import make_method
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
@@ -74,13 +74,13 @@ class IncrementalSegmenter:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
-        self.labeller = make_labeller(method, settings or SegmentSettings(), precision, device)
-        self.settings = self.labeller.settings
-        self.classes = self.labeller.classes
+        self.method = make_method(method, settings or SegmentSettings(), precision, device)
+        self.settings = self.method.settings
+        self.classes = self.method.classes
         self.device = device
-        self.precision = self.labeller.precision
+        self.precision = self.method.precision
         self.map = VoxelMap(self.settings.voxel_size)
-        self.clusters = Clusters(self.labeller.similarity)
+        self.clusters = Clusters(self.method.similarity)
         self.num_scans = 0
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
@@ -131,11 +131,11 @@ class IncrementalSegmenter:
                 self.settings.floor, self.map, scan.position, near_xyz, self._floor
             )
         clock.lap("floor")
-        found = self.labeller.label(self.map, new, scan.position, self._floor or 0.0, rng)
+        found = self.method.classify(self.map, new, scan.position, self._floor or 0.0, rng)
         self._semantic.append(found.semantic)
         self._confidence.append(found.confidence)
         clock.lap("network")
-        partners = self.labeller.partners(self.map, new, found.embedding, self.clusters.embedding)
+        partners = self.method.partners(self.map, new, found.embedding, self.clusters.embedding)
         merges, changed = self.clusters.add(found.embedding, partners)
         clock.lap("cluster")
         self.num_scans += 1

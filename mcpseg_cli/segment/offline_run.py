@@ -129,7 +129,7 @@ class OfflineRun(SegmentRun):
         if not len(voxel_map):
             return None
         positions = np.array([scan.source.pose[:3, 3] for scan in used])
-        rows, floor = label_cloud(voxel_map, positions, self.segmenter.labeller)
+        rows, floor = label_cloud(voxel_map, positions, self.segmenter.method)
         self.segmenter.restore([rows], np.empty((0, 2), np.int32), len(used), floor)
         return floor
 

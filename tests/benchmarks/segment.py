@@ -80,7 +80,7 @@ def network_stage(weights: Weights, building: Path) -> dict[str, float]:
         )
         with one_thread_per_operation():
             figures[f"{name} stage"] = median_ms(
-                lambda run=segmenter.labeller._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: (
+                lambda run=segmenter.method._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: (
                     run(map_, ids, at, 0.0, rng)
                 )
             )
