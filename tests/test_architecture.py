@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
-GROUND = {"errors", "config", "classes", "grid", "scan", "building", "resumable"}
+GROUND = {"choices", "errors", "config", "classes", "grid", "scan", "building", "resumable"}
 MAY_IMPORT = {
     **dict.fromkeys(GROUND, GROUND),
     "networks": GROUND,

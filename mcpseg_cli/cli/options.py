@@ -1,85 +1,17 @@
 """Options that mean the same, under the same name and letter, in every command."""
 
-from enum import StrEnum
+from __future__ import annotations
+
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
-class FrameChoice(StrEnum):
-    """Frame of the scans' coordinates."""
-
-    MAP = "map"
-    SENSOR = "sensor"
-
-
-class MethodChoice(StrEnum):
-    """What tables I and II compare."""
-
-    MCPNET = "mcpnet"
-    MCPNET_NOCONTEXT = "mcpnet-nocontext"
-    POINTNET = "pointnet"
-    POINTNET2 = "pointnet2"
-    SGPN = "sgpn"
-    VOXNET = "voxnet"
-    REGION_GROWING = "region-growing"
-
-
-class PrecisionChoice(StrEnum):
-    """Arithmetic of context pooling."""
-
-    AUTO = "auto"
-    FP32 = "fp32"
-    BF16 = "bf16"
-
-
-class FormatChoice(StrEnum):
-    """Formats clouds are written in."""
-
-    PLY = "ply"
-    LAS = "las"
-    LAZ = "laz"
-    NPZ = "npz"
-    PCD = "pcd"
-
-
-class CloudFormat(StrEnum):
-    """Formats that labelled maps and objects are exported to."""
-
-    PLY = "ply"
-    LAS = "las"
-    LAZ = "laz"
-    PCD = "pcd"
-    NPZ = "npz"
-    H5 = "h5"
-    E57 = "e57"
-
-
-class ColourChoice(StrEnum):
-    """What the colours of points say."""
-
-    RGB = "rgb"
-    CLASS = "class"
-    INSTANCE = "instance"
-    EMBEDDING = "embedding"
-    CONFIDENCE = "confidence"
-
-
-class ViewChoice(StrEnum):
-    """Where a picture is seen from."""
-
-    TOP = "top"
-    CUT = "cut"
-    PERSPECTIVE = "perspective"
-
-
-class OnErrorChoice(StrEnum):
-    """What to do about a scan that cannot be read."""
-
-    STOP = "stop"
-    SKIP = "skip"
-
+Settings = TypeVar("Settings", bound="BaseModel")
 
 OutputFolder = Annotated[
     Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")
@@ -114,3 +46,29 @@ def number_of_jobs(jobs: int | None) -> int:
     import os
 
     return jobs or len(os.sched_getaffinity(0))
+
+
+def settings_of(model: type[Settings], given: Mapping[str, object]) -> Settings:
+    """Check the options that make up some settings.
+
+    Args:
+        model: The settings.
+        given: Values by the name of the setting; None leaves the default.
+
+    Raises:
+        typer.BadParameter: One cannot be; names the option.
+    """
+    from pydantic import ValidationError
+
+    from mcpseg_cli.config import option_of
+
+    try:
+        return model.model_validate({name: v for name, v in given.items() if v is not None})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        message = problem["msg"].removeprefix("Value error, ")
+        if not problem["loc"]:  # several that do not go together
+            words = message.split()
+            told = [option_of(word) if word in model.model_fields else word for word in words]
+            raise typer.BadParameter(" ".join(told)) from error
+        raise typer.BadParameter(f"{option_of(str(problem['loc'][0]))}: {message}") from error

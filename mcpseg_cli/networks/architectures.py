@@ -1,6 +1,6 @@
 """The networks by name: what is a fact of an architecture can be asked without building one."""
 
-from mcpseg_cli.config import Architecture
+from mcpseg_cli.choices import Architecture
 from mcpseg_cli.networks.mcpnet import MCPNet, MCPNetNoContext
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pointnet import PointNet

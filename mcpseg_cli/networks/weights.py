@@ -12,11 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from mcpseg_cli.choices import Architecture, ContextWindow
 from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
-from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
-from mcpseg_cli.errors import WeightsError, naming
+from mcpseg_cli.config import NUM_CONTEXT
+from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.architectures import network_type
 from mcpseg_cli.networks.network import Network
+from mcpseg_cli.resumable import write_whole
 
 DEFAULT_WEIGHTS = "mcpnet"
 _METADATA = "mcpseg"
@@ -162,14 +164,8 @@ def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
         name: tensor.detach().float().cpu().contiguous()
         for name, tensor in network.state_dict().items()
     }
-    partial = path.with_name(path.name + ".part")
     description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
-    try:
-        with naming(path):
-            partial.write_bytes(save(tensors, {_METADATA: description}))
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, save(tensors, {_METADATA: description}))
 
 
 def build_network(info: WeightsInfo) -> Network:

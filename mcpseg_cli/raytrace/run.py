@@ -16,13 +16,14 @@ from mcpseg_cli import __version__
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, write_cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
 from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_same, remove_leftovers, write_whole
 
 _FORMAT = 1  # of the folder; another number is another run
 _IDENTITY = ("format", "building", "settings", "suffix", "waypoints")
+_NAMES = {"format": "version of the folder", "building": "building", "suffix": "--format"}
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class RaytraceRun:
 
     Raises:
         InputError: The building is too large for the voxel size.
-        OutputError: The folder holds another run, or files that no run made.
+        StateError: The folder holds the scans of another request.
+        OutputError: It holds files that no run made.
     """
 
     def __init__(
@@ -141,8 +143,7 @@ class RaytraceRun:
         """
         assert self.poses is not None
         for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
-            for leftover in folder.glob(f".*{PARTIAL}.*"):
-                leftover.unlink(missing_ok=True)
+            remove_leftovers(folder)
         names = self.poses.scans or ()
         num_points = 0
         with ThreadPoolExecutor(jobs) as pool:
@@ -265,30 +266,10 @@ def _check_folder(
                 "choose another -o, or move them away"
             )
         return
-    changed = [key for key in _IDENTITY if identity is not None and record[key] != identity[key]]
-    if identity is not None and changed:
-        raise OutputError(
-            f"{folder}: holds scans made with another {', '.join(_differences(record, identity, changed))}; "
-            "expected the same; choose another -o or give --overwrite"
-        )
-
-
-def _differences(
-    record: dict[str, object], identity: dict[str, object], changed: list[str]
-) -> list[str]:
-    """Name what differs, settings one by one."""
-    names = []
-    for key in changed:
-        before, now = record[key], identity[key]
-        if key == "settings" and isinstance(before, dict) and isinstance(now, dict):
-            names += [
-                f"{name} ({before.get(name)}, not {now[name]})"
-                for name in now
-                if before.get(name) != now[name]
-            ]
-        else:
-            names.append(key)
-    return names
+    if identity is not None:
+        kept = {key: record[key] for key in _IDENTITY}
+        remedy = "choose another -o or give --overwrite"
+        check_same(folder / "raytrace.json", kept, identity, remedy=remedy, names=_NAMES)
 
 
 def _clear(folder: Path, record: dict[str, object] | None) -> None:

@@ -8,17 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mcpseg_cli import formats
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.errors import McpsegError, OutputError, StateError
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import load_weights
-from mcpseg_cli.segment import run as segment_run
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.folder import RunOptions, clear_run
+from mcpseg_cli.segment.folder import clear_run
 from mcpseg_cli.segment.map_ply import LabelledMap
+from mcpseg_cli.segment.outputs import Outputs
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 
 class Interrupted(BaseException):
@@ -35,9 +37,7 @@ def run_all(
 ) -> SegmentRun:
     weights = load_weights(weights_path)
     segmenter = IncrementalSegmenter(weights, settings, precision="fp32")
-    with SegmentRun(
-        open_recording(*recording), output, weights, segmenter, options or RunOptions()
-    ) as run:
+    with SegmentRun(open_recording(*recording), output, segmenter, options or RunOptions()) as run:
         for done, _ in enumerate(run.run(), start=1):
             if done == stop_after:
                 break
@@ -148,8 +148,8 @@ def test_a_resumed_run_equals_an_uninterrupted_one_byte_for_byte(
 @pytest.mark.parametrize(
     ("owner", "name"),
     [
-        (State, "commit"), (LabelledMap, "update"), (LabelledMap, "_write"), (segment_run, "write_partial"),
-        (SegmentRun, "_append_event"), (SegmentRun, "write_objects"),
+        (State, "commit"), (LabelledMap, "update"), (LabelledMap, "_write"), (formats, "_write"),
+        (Path, "replace"), (Outputs, "append_event"), (SegmentRun, "write_objects"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("moment", ["before", "after"])
@@ -278,19 +278,13 @@ def test_a_consumed_scan_that_is_gone_is_refused(recording, tmp_path, weights_pa
 def test_a_second_writer_is_refused_while_the_first_runs(recording, tmp_path, weights_path):
     weights = load_weights(weights_path)
     sources = open_recording(*recording)
-    with SegmentRun(
-        sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
-    ) as run:
+    with SegmentRun(sources, tmp_path / "out", IncrementalSegmenter(weights), RunOptions()) as run:
         next(iter(run.run()))
         with pytest.raises(StateError, match="in use by another mcpseg"):
-            SegmentRun(
-                sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
-            )
+            SegmentRun(sources, tmp_path / "out", IncrementalSegmenter(weights), RunOptions())
         with pytest.raises(StateError, match="in use"):
             clear_run(tmp_path / "out", sources)
-    with SegmentRun(
-        sources, tmp_path / "out", weights, IncrementalSegmenter(weights), RunOptions()
-    ) as run:
+    with SegmentRun(sources, tmp_path / "out", IncrementalSegmenter(weights), RunOptions()) as run:
         assert len(run.records) == 1
 
 
@@ -427,7 +421,6 @@ def test_objects_are_not_written_from_a_scan_that_was_not_committed(
     with SegmentRun(
         open_recording(*recording),
         tmp_path / "out",
-        weights,
         IncrementalSegmenter(weights),
         RunOptions(),
     ) as run:
