@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,14 @@ from mcpseg_cli.choices import Precision
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.column import Column
-from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.methods import make_method
 from mcpseg_cli.incremental.objects import MapObject, list_objects
+from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
-from mcpseg_cli.scan import Labels, Scan, colour_of, near_robot
+from mcpseg_cli.scan import Labels, Scan
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,13 @@ class IncrementalSegmenter:
         self.classes = self.method.classes
         self.device = device
         self.precision = self.method.precision
-        self.map = VoxelMap(self.settings.voxel_size)
         self.clusters = Clusters(self.method.similarity)
         self.num_scans = 0
+        self._growing_map = GrowingMap(
+            self.settings.voxel_size, self.settings.local_range, self.settings.floor
+        )
         self._semantic = Column(np.uint8)
         self._confidence = Column(np.float32)
-        self._floor: float | None = None
 
     @classmethod
     def load(
@@ -97,6 +98,11 @@ class IncrementalSegmenter:
             WeightsError: The weights are not there or damaged.
         """
         return cls(load_weights(Path(find_weights(weights))), settings)
+
+    @property
+    def map(self) -> VoxelMap:
+        """The look-up table: one point a voxel."""
+        return self._growing_map.voxels
 
     @property
     def semantic(self) -> NDArray[np.uint8]:
@@ -119,45 +125,44 @@ class IncrementalSegmenter:
             What changed. The scan's number, with the seed, decides every random choice.
         """
         rng = np.random.default_rng((self.settings.seed, self.num_scans))
-        clock = _Stopwatch()
-        near = near_robot(scan, self.settings.local_range)
-        first_new = len(self.map)
-        point_ids = np.full(len(scan.xyz), -1, np.int32)
-        point_ids[near] = self.map.insert(scan.xyz[near], colour_of(scan, near))
-        new = np.arange(first_new, len(self.map), dtype=np.int32)
-        num_seen = _count_distinct(point_ids[near & (point_ids < first_new)])
-        clock.lap("insert")
-        if len(near_xyz := scan.xyz[near]):
-            self._floor = find_floor(
-                self.settings.floor, self.map, scan.position, near_xyz, self._floor
-            )
-        clock.lap("floor")
-        found = self.method.classify(self.map, new, scan.position, self._floor or 0.0, rng)
+
+        # add new voxels
+        observed = self._growing_map.observe(scan)
+        clock = Stopwatch()
+
+        # embed and classify
+        found = self.method.classify(
+            self.map, observed.new, scan.position, observed.floor or 0.0, rng
+        )
+
+        # update look-up table
         self._semantic.append(found.semantic)
         self._confidence.append(found.confidence)
         clock.lap("network")
-        partners = self.method.partners(self.map, new, found.embedding, self.clusters.embedding)
+
+        # cluster with neighbours
+        known = self.clusters.embedding
+        partners = self.method.partners(self.map, observed.new, found.embedding, known)
         merges, changed = self.clusters.add(found.embedding, partners)
         clock.lap("cluster")
+
+        # report all changes
         self.num_scans += 1
         return ScanUpdate(
-            self.num_scans - 1,
-            point_ids,
-            first_new,
-            len(new),
-            num_seen,
-            merges,
-            changed,
-            self._floor,
-            clock.ms,
+            index=self.num_scans - 1,
+            point_ids=observed.point_ids,
+            first_new=observed.first_new,
+            num_new=len(observed.new),
+            num_seen=len(observed.seen_again),
+            merges=merges,
+            changed=changed,
+            floor=observed.floor,
+            ms=observed.ms | clock.ms,
         )
 
     def find_points(self, scan: Scan) -> NDArray[np.int32]:
-        """Return (N,) int32: the voxel of every point of a scan registered before, -1 for points out of range."""
-        near = near_robot(scan, self.settings.local_range)
-        point_ids = np.full(len(scan.xyz), -1, np.int32)
-        point_ids[near] = self.map.find(scan.xyz[near])
-        return point_ids
+        """Return (N,) int32: voxel of each point of a scan registered before, -1 out of range."""
+        return self._growing_map.find_points(scan)
 
     def labels(self, point_ids: NDArray[np.int32]) -> Labels:
         """Look up the labels of points as known now.
@@ -213,22 +218,4 @@ class IncrementalSegmenter:
             self._confidence.append(part.confidence)
             self.clusters.restore(part.embedding, part.instance)
         self.clusters.restore_merges(merges)
-        self.num_scans, self._floor = num_scans, floor
-
-
-class _Stopwatch:
-    """Milliseconds between laps, by name."""
-
-    def __init__(self) -> None:
-        self.ms: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = perf_counter()
-        self.ms[name] = 1e3 * (now - self._last)
-        self._last = now
-
-
-def _count_distinct(ids: NDArray[np.int32]) -> int:
-    """Count distinct ids; sorting int32 is several times faster than ``np.unique``."""
-    return int(np.count_nonzero(np.diff(np.sort(ids), prepend=-1)))
+        self.num_scans, self._growing_map.floor = num_scans, floor

@@ -11,10 +11,10 @@ import numpy as np
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import write_cloud
 from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.segmenter import ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.scan import colour_of, near_robot
 from mcpseg_cli.segment.events import LabelledEvent
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, skipped_scan
@@ -60,17 +60,19 @@ def label_offline(
         OutputError: The disk is full; nothing is kept.
     """
     # read
-    cloud, scans = VoxelMap(run.segmenter.settings.voxel_size), list[_InCloud]()
+    settings = run.segmenter.settings
+    cloud = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
+    scans: list[_InCloud] = []
     for source in run.pending:
         if should_stop():
             return
-        scans.append(_add_to_cloud(run, cloud, len(scans), source))
+        scans.append(_read(run, cloud, len(scans), source))
     if not scans:
         return
 
     # label
     started = perf_counter()
-    floor = _label(run, cloud, scans)
+    floor = _label(run, cloud.voxels, scans)
     share_ms = 1e3 * (perf_counter() - started) / len(scans)
 
     # write and commit, all or nothing
@@ -90,9 +92,9 @@ def label_offline(
     yield from (report for _, report in done)
 
 
-def _add_to_cloud(run: SegmentRun, cloud: VoxelMap, number: int, source: ScanFile) -> _InCloud:
+def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanFile) -> _InCloud:
     """Add a scan's points in range to the cloud."""
-    before, started = len(cloud), perf_counter()
+    before, started = len(cloud.voxels), perf_counter()
     outcome: Fingerprint | InputError | OSError
     try:
         read = run.read(source)
@@ -101,11 +103,10 @@ def _add_to_cloud(run: SegmentRun, cloud: VoxelMap, number: int, source: ScanFil
             raise
         outcome = error
     else:
-        near = near_robot(read.scan, run.segmenter.settings.local_range)
-        cloud.insert(read.scan.xyz[near], colour_of(read.scan, near))
+        cloud.observe(read.scan)
         outcome = read.file
     ms = 1e3 * (perf_counter() - started)
-    return _InCloud(number, source, outcome, before, len(cloud), ms)
+    return _InCloud(number, source, outcome, before, len(cloud.voxels), ms)
 
 
 def _label(run: SegmentRun, cloud: VoxelMap, scans: list[_InCloud]) -> float | None:

@@ -15,9 +15,9 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
 from mcpseg_cli.formats.recording import ScanFile, open_recording, read_scan
 from mcpseg_cli.incremental.column import Column
-from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.scan import Scan, colour_of, near_robot
+from mcpseg_cli.scan import Scan
 
 _REMEDY = "ray-trace the area again"
 
@@ -58,12 +58,16 @@ class Replay:
     def __init__(self, area: Path, settings: SampleSettings) -> None:
         self.settings = settings
         self.scans = list_scans(area)
-        self.map = VoxelMap(settings.voxel_size)
         self.classes: tuple[str, ...] = ()
         self._semantic = Column(np.uint8)
         self._instance = Column(np.int32)
-        self._floor: float | None = None
+        self._growing_map = GrowingMap(settings.voxel_size, settings.local_range, settings.floor)
         self._truth = area / "gt"
+
+    @property
+    def map(self) -> VoxelMap:
+        """The voxels so far."""
+        return self._growing_map.voxels
 
     @property
     def semantic(self) -> NDArray[np.uint8]:
@@ -116,26 +120,23 @@ class Replay:
     def _insert(
         self, number: int, scan: Scan, semantic: NDArray[np.uint8], instance: NDArray[np.int32]
     ) -> ScanSamples:
-        """Grow the map by one scan, in the steps of ``IncrementalSegmenter.register_scan``."""
+        """Grow the map by one scan, as ``IncrementalSegmenter.register_scan`` does."""
         rng = np.random.default_rng((self.settings.seed, number))
-        near, first_new = near_robot(scan, self.settings.local_range), len(self.map)
-        ids = self.map.insert(scan.xyz[near], colour_of(scan, near))
-        founders = founding_points(ids, first_new)
-        self._semantic.append(semantic[near][founders])
-        self._instance.append(instance[near][founders])
-        if len(near_xyz := scan.xyz[near]):
-            self._floor = find_floor(
-                self.settings.floor, self.map, scan.position, near_xyz, self._floor
-            )
-        seen = np.sort(ids)
-        seen = seen[np.diff(seen, prepend=-1) > 0]
-        again = seen[: len(seen) - len(founders)]
-        new = np.arange(first_new, len(self.map), dtype=np.int32)[rng.permutation(len(founders))]
+        observed = self._growing_map.observe(scan)
+
+        # truth of the founding points
+        founders = founding_points(observed.point_ids, observed.first_new)
+        self._semantic.append(semantic[founders])
+        self._instance.append(instance[founders])
+
+        # new voxels, then some seen again
+        new = observed.new[rng.permutation(len(observed.new))]
         parts = [(new, self._sample(new, rng))]
-        again = rng.permutation(again)[: self.settings.seen_again]
+        again = rng.permutation(observed.seen_again)[: self.settings.seen_again]
         parts.append((again, self._sample(again, rng)))
         voxel, context = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        return ScanSamples(scan.position, self._floor or 0.0, len(new), voxel, context, seen)
+        seen = np.concatenate([observed.seen_again, observed.new])
+        return ScanSamples(scan.position, observed.floor or 0.0, len(new), voxel, context, seen)
 
     def _sample(self, ids: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.int32]:
         uniform = rng.random((len(ids), self.settings.num_context), np.float32)
@@ -167,7 +168,7 @@ def founding_points(ids: NDArray[np.int32], first_new: int) -> NDArray[np.intp]:
     """Find the points that founded new voxels.
 
     Args:
-        ids: (N,) int32 voxels of a scan's points, as ``VoxelMap.insert`` gave them.
+        ids: (N,) int32 voxels of a scan's points, as ``GrowingMap.observe`` gave them.
         first_new: Id of the first new voxel.
 
     Returns:
