@@ -129,7 +129,7 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
-      mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w mine.safetensors
+      mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     from mcpseg_cli.formats.recording import open_recording

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import FloorRule
+from mcpseg_cli.choices import FloorRule
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
