@@ -47,14 +47,15 @@ class State:
 
     Args:
         path: The database; made if not there.
+        original: What it is a copy of; errors name that.
 
     Raises:
         StateError: In use, damaged, not a checkpoint, or of another version.
         OutputError: It cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, original: Path | None = None) -> None:
+        self.path = original or path
         with self._explained():
             self._db = sqlite3.connect(path, timeout=0, isolation_level=None)
         try:

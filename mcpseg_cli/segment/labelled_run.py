@@ -79,6 +79,7 @@ class LabelledRun:
 
     Args:
         folder: Folder of the run.
+        told: Called while ``parts`` goes through the map: voxels done, voxels in all.
 
     Raises:
         InputError: Not the folder of a run, or of one without any voxel yet.
@@ -86,10 +87,9 @@ class LabelledRun:
         OutputError: There is no room for the copy.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, told: Callable[[int, int], None] = lambda *_: None) -> None:
         self.folder = folder
-        self.on_part: Callable[[int, int], None] = lambda done, total: None
-        """Called while ``parts`` goes through the map: voxels done, voxels in all."""
+        self._told = told
         if not (folder / "state.sqlite").is_file():
             found = (
                 "no state.sqlite"
@@ -107,7 +107,10 @@ class LabelledRun:
             scratch = Path(
                 self._open_files.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-"))
             )
-            self._state = self._open_files.enter_context(_open_copy(folder, scratch))
+            copy = _copy_checkpoint(folder, scratch)
+            self._state = self._open_files.enter_context(
+                State(copy, original=folder / "state.sqlite")
+            )
             self.scans: list[ScanRecord] = self._state.scans()
             if not self.scans or self.scans[-1].num_voxels == 0:
                 raise InputError(
@@ -174,7 +177,7 @@ class LabelledRun:
                 scan,
             )
             start += len(rows)
-            self.on_part(start, len(self))
+            self._told(start, len(self))
 
     def whole(self) -> MapPart:
         """Return all voxels at once: about 150 bytes each."""
@@ -237,17 +240,6 @@ def _joined_rows(parts: list[MapRows]) -> MapRows:
             for field in fields(MapRows)
         )
     )
-
-
-def _open_copy(folder: Path, scratch: Path) -> State:
-    """Open a copy of a run's checkpoint; errors name the original."""
-    copy, original = _copy_checkpoint(folder, scratch), folder / "state.sqlite"
-    try:
-        state = State(copy)
-    except StateError as error:
-        raise StateError(str(error).replace(str(copy), str(original))) from error
-    state.path = original
-    return state
 
 
 def _copy_checkpoint(folder: Path, scratch: Path) -> Path:

@@ -68,8 +68,7 @@ def test_objects_are_those_of_objects_json(labelled_run):
 
 def test_progress_ends_at_the_number_of_voxels(labelled_run):
     calls = []
-    with LabelledRun(labelled_run.out) as run:
-        run.on_part = lambda done, total: calls.append((done, total))
+    with LabelledRun(labelled_run.out, lambda *progress: calls.append(progress)) as run:
         run.whole()
         assert calls[-1] == (len(run), len(run))
 
