@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import ScanFormat, Scanner
-from mcpseg_cli.cli.options import (
-    Jobs,
-    Json,
-    Overwrite,
-    Quiet,
-    Seed,
-    number_of_jobs,
-    settings_of,
-)
+from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.building import Building
@@ -119,13 +112,23 @@ def raytrace(
     from mcpseg_cli.cli.display import print_table
     from mcpseg_cli.config import AUTHORS_SCANNER, RaytraceSettings
 
-    preset = AUTHORS_SCANNER if scanner == "authors" else {}
-    chosen = {"lowest_deg": v_min, "highest_deg": v_max, "reach": reach}
-    given = preset | {name: value for name, value in chosen.items() if value is not None}
-    given |= {"voxel_size": voxel_size, "step": step, "height": height}
-    given |= {"horizontal_deg": h_res, "vertical_deg": v_res}
-    given |= {"noise": noise, "dropout": dropout, "seed": seed}
-    settings = settings_of(RaytraceSettings, given)
+    settings = settings_of(
+        RaytraceSettings,
+        {
+            "voxel_size": voxel_size,
+            "step": step,
+            "height": height,
+            "reach": reach,
+            "lowest_deg": v_min,
+            "highest_deg": v_max,
+            "horizontal_deg": h_res,
+            "vertical_deg": v_res,
+            "noise": noise,
+            "dropout": dropout,
+            "seed": seed,
+        },
+        before=AUTHORS_SCANNER if scanner == "authors" else None,
+    )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")

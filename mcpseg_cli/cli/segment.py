@@ -24,11 +24,10 @@ from mcpseg_cli.cli.options import (
     Seed,
     Verbose,
     WeightsName,
-    settings_of,
 )
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
-    from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
@@ -132,9 +131,11 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
+    from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
 
-    settings = _settings(voxel_size, local_range, similarity, floor, seed)
+    given = {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity}
+    settings = settings_of(SegmentSettings, given | {"floor": floor, "seed": seed})
     recording = open_recording(scans, poses, frame)
 
     from mcpseg_cli.incremental.methods import open_method
@@ -164,20 +165,6 @@ def segment(
     if interrupt.asked and len(run.records) < len(recording):
         _tell_how_to_continue(len(run.records), len(recording))
         raise typer.Exit(130)
-
-
-def _settings(
-    voxel_size: float, local_range: float, similarity: float | None, floor: str, seed: int
-) -> SegmentSettings:
-    """Check the options that decide the labels."""
-    from mcpseg_cli.config import SegmentSettings
-
-    try:
-        height: float | str = float(floor)
-    except ValueError:
-        height = floor
-    given = {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity}
-    return settings_of(SegmentSettings, given | {"floor": height, "seed": seed})
 
 
 def _live_map(target: str, segmenter: IncrementalSegmenter) -> LiveMap:

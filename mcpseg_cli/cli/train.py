@@ -17,7 +17,8 @@ from mcpseg_cli.choices import (
     Schedule,
     TrainPrecision,
 )
-from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet, Seed, settings_of
+from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet, Seed
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.config import AugmentSettings
