@@ -20,7 +20,7 @@ _LEFTOVER = re.compile(rf"\.(?:.*\.)?(?P<pid>\d+)-\d+\{_PARTIAL}(?:\.[^.]+)?")
 
 
 def printable(text: str) -> str:
-    r"""Write bytes of paths and arguments that are no UTF-8 as ``\xff``, so that the text can be encoded."""
+    r"""Write what is no UTF-8 in paths and arguments as ``\xff``, so that it can be encoded."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
@@ -45,7 +45,7 @@ def write_whole(path: Path, content: str | bytes, *, is_durable: bool = False) -
 
 @contextmanager
 def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
-    """Have a file written under another name; it gets its own when the block ends without an error.
+    """Have a file written under another name; it gets its own when the block ends well.
 
     Args:
         path: The file; its folder must exist; replaced if there.
@@ -60,8 +60,11 @@ def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
     """
     if not is_one_of_many:
         _remove_abandoned(path)
+
+    # a name of this thread's own: others may write the same file
     writer = f"{os.getpid()}-{threading.get_ident()}"
     partial = path.with_name(f"{_first_part(path)}{writer}{_PARTIAL}{path.suffix}")
+
     try:
         yield partial
         partial.replace(path)
@@ -75,7 +78,7 @@ def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Have a folder filled under another name; it gets its own when the block ends without an error.
+    """Have a folder filled under another name; it gets its own when the block ends well.
 
     Args:
         path: The folder, not there yet; its parents are made.
@@ -128,7 +131,8 @@ def exclusive(folder: Path, name: str = ".mcpseg.lock") -> Iterator[None]:
 
     Args:
         folder: Made if not there.
-        name: An empty file that is there as long as it is held; the lock ends with the process, however that ends.
+        name: An empty file that is there as long as it is held; the lock ends with the process,
+            however that ends.
 
     Raises:
         StateInUseError: Another process holds it.
@@ -158,7 +162,8 @@ def _lock(path: Path) -> int | None:
     except BlockingIOError as error:
         os.close(descriptor)
         raise StateInUseError(
-            f"{path.parent}: another mcpseg is writing there; expected to be the only one; wait for it or name another"
+            f"{path.parent}: another mcpseg is writing there; expected to be the only one; "
+            "wait for it or name another"
         ) from error
     os.close(descriptor)
     return None

@@ -1,4 +1,4 @@
-"""The README's command reference, made from the commands themselves: ``python -m tests.command_reference``."""
+"""The README's command reference, made from the commands: ``python -m tests.command_reference``."""
 
 import inspect
 import re
@@ -30,7 +30,8 @@ def describe(name, function) -> str:
         for parameter in parameters
     ]
     table = "\n".join(["| | |", "|---|---|", *rows])
-    return f"<details><summary><code>mcpseg {name}</code>: {summary}</summary>\n\n{table}\n\n</details>\n"
+    title = f"<code>mcpseg {name}</code>: {summary}"
+    return f"<details><summary>{title}</summary>\n\n{table}\n\n</details>\n"
 
 
 def describe_parameter(name, default, hint) -> str:

@@ -1,4 +1,4 @@
-"""Parity with the MCPNet authors' program: their weights, their network outputs, their results on a building."""
+"""Parity with the MCPNet authors' program: weights, network outputs, results on a building."""
 
 import numpy as np
 import pytest

@@ -134,6 +134,7 @@ def segment(
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
 
+    # what can be wrong is looked at before torch is imported
     given = {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity}
     settings = settings_of(SegmentSettings, given | {"floor": floor, "seed": seed})
     recording = open_recording(scans, poses, frame)
@@ -146,17 +147,20 @@ def segment(
     opened = open_method(method, weights)
     segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
     options = RunOptions(frame, format, on_error, offline, sys.argv)
+
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
         run = entered.enter_context(
             SegmentRun(recording, output, segmenter, options, overwrite=overwrite)
         )
         interrupt = entered.enter_context(Interrupt())
+
         _tell_what_is_ahead(run, quiet=quiet)
         tally = _label_pending(
             run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
         )
         _warn_of_far_points(tally, local_range, quiet=quiet)
+
         if as_json:
             typer.echo(json.dumps(_document(run, tally)))
         else:
@@ -200,6 +204,7 @@ def _label_pending(
     if live:
         live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
     label = partial(label_offline, run) if run.options.offline else run.run
+
     try:
         with progress_bar("segment", quiet=not show_progress) as bar:
             total = run.resumed_from + len(run.pending)
@@ -210,6 +215,8 @@ def _label_pending(
                     live.follow(run.records, run.segmenter.rows(), report.update.changed)
                 if report.error:
                     notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
+
+                # what there is behind the bar
                 objects = f"{run.segmenter.clusters.num_objects:,} objects"
                 state = f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}"
                 bar.update(task, advance=1, state=state)

@@ -163,6 +163,8 @@ class State:
         for expected, (number, name, size, mtime_ns, sha256, pose, *outcome) in enumerate(rows):
             if number != expected or not isinstance(pose, bytes) or len(pose) != 16 * 8:
                 raise self._damaged(f"scan {expected:,}")
+
+            # what became of it
             num_points, num_voxels, floor, error, text, output_size, _ = outcome
             try:
                 event = parse_event(text)
@@ -303,6 +305,8 @@ class State:
                     f"{self.path}: in use by another mcpseg; expected one writer; "
                     "wait for it or choose another -o"
                 ) from error
+
+            # what the disk refuses can be mended; all else is damage
             if any(words in reason for words in _NOT_WRITABLE):
                 raise OutputError(
                     f"{self.path}: cannot be written ({reason}); expected room and permission; "

@@ -1,4 +1,4 @@
-"""events.jsonl: a line for every scan of a run, in order; what it changed, and how long that took."""
+"""events.jsonl: a line for every scan of a run, in order: what it changed, how long that took."""
 
 from __future__ import annotations
 
@@ -127,13 +127,13 @@ def reconcile_events(path: Path, events: Sequence[Event]) -> None:
     Raises:
         OSError: The disk is full.
     """
-    lines = path.read_text(errors="replace").split("\n")[:-1] if path.exists() else []
+    *lines, cut = path.read_text(errors="replace").split("\n") if path.exists() else [""]
     kept = 0
     for event, line in zip(events, lines, strict=False):
         if not _is_of(line, event):
             break
         kept += 1
-    if kept != len(events) or kept != len(lines):
+    if cut or kept != len(events) or kept != len(lines):
         lines = lines[:kept] + [event_text(event) for event in events[kept:]]
         write_whole(path, "".join(f"{line}\n" for line in lines))
 

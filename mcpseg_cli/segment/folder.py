@@ -92,6 +92,8 @@ def _check_content(output: Path) -> None:
     present = [name for name in _OUTPUTS if (output / name).exists() and (name != state.name)]
     if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").glob("*")):
         present.append("clouds in scans/")
+
+    # a run.json shows that a run was here, which may be deleted
     if present:
         remedy = "give --overwrite" if (output / "run.json").exists() else "move them away"
         raise OutputError(

@@ -1,4 +1,4 @@
-"""``mcpseg segment --offline``: all scans make one cloud, which is labelled when the last is read."""
+"""``mcpseg segment --offline``: all scans make one cloud, labelled when the last is read."""
 
 from __future__ import annotations
 
@@ -46,10 +46,11 @@ class _InCloud:
 def label_offline(
     run: SegmentRun, should_stop: Callable[[], bool] = lambda: False
 ) -> Iterator[ScanReport]:
-    """Read all scans, label the cloud, then commit and report them; what labelling took is shared evenly.
+    """Read all scans, label the cloud, then commit and report them.
 
-    It is one transaction: an interrupted run starts afresh, and scans cannot be added to one. The
-    outputs are those of ``SegmentRun.run``; the labelled scans carry the final labels.
+    What labelling took is shared among the scans evenly. It is one transaction: an interrupted run
+    starts afresh, and scans cannot be added to one. The outputs are those of ``SegmentRun.run``;
+    the labelled scans carry the final labels.
 
     Args:
         run: A run whose ``options.offline`` is set.
@@ -95,6 +96,7 @@ def label_offline(
 def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanFile) -> _InCloud:
     """Add a scan's points in range to the cloud."""
     before, started = len(cloud.voxels), perf_counter()
+
     outcome: Fingerprint | InputError | OSError
     try:
         read = run.read(source)
@@ -105,6 +107,7 @@ def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanFile) -> 
     else:
         cloud.observe(read.scan)
         outcome = read.file
+
     ms = 1e3 * (perf_counter() - started)
     return _InCloud(number, source, outcome, before, len(cloud.voxels), ms)
 
@@ -153,7 +156,7 @@ def _write(
 
 
 def _commit(run: SegmentRun, records: list[ScanRecord]) -> None:
-    """Commit all scans in one transaction, each with its new voxels, and bring the map up to date."""
+    """Commit all scans in one transaction, each with its new voxels; bring the map up to date."""
     rows, first = run.segmenter.rows(), 0
     parts = []
     for record in records:

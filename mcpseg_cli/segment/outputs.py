@@ -25,12 +25,12 @@ class Outputs:
     Args:
         folder: The folder, with ``scans/`` in it; no other process may be writing there.
         classes: Class names, for the header of map.ply.
-        format: Ending of the labelled scans, without its dot; None for each scan's own.
+        scan_format: Ending of the labelled scans, without its dot; None for each scan's own.
     """
 
-    def __init__(self, folder: Path, classes: tuple[str, ...], format: str | None) -> None:  # noqa: A002
+    def __init__(self, folder: Path, classes: tuple[str, ...], scan_format: str | None) -> None:
         self.folder = folder
-        self._format = format
+        self._format = scan_format
         self._map = LabelledMap(folder / "map.ply", classes)
 
     def __enter__(self) -> Outputs:

@@ -143,7 +143,7 @@ class SegmentRun:
         self._open_files.close()
 
     def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[ScanReport]:
-        """Label the pending scans one after another; each is committed and written out, then reported.
+        """Label the pending scans one by one; each is committed and written, then reported.
 
         Args:
             should_stop: Asked before every scan.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
 
 from mcpseg_cli import __version__
-from mcpseg_cli.choices import Frame, Precision
+from mcpseg_cli.choices import Frame, OnError, Precision, ScanFormat
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.resumable import printable, write_whole
@@ -37,8 +37,8 @@ class RunOptions:
     """
 
     frame: Frame = "map"
-    format: str | None = None
-    on_error: str = "stop"
+    format: ScanFormat | None = None
+    on_error: OnError = "stop"
     offline: bool = False
     command: Sequence[str] = ()
 

@@ -120,6 +120,8 @@ def check_consumed(
             f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; "
             "expected all of them; restore the missing scans"
         )
+
+    # consumed scans stay what and where they were; new ones come after
     for source, record in zip(recording, records, strict=False):
         if source.path.name != record.name:
             raise StateError(

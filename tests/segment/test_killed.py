@@ -46,14 +46,17 @@ def num_events(folder: Path) -> int:
 
 
 def kill_at_random(process: subprocess.Popen, output: Path, rng: random.Random) -> bool:
-    """Kill while starting, or some milliseconds after the first new scan; False if the process was done before."""
+    """Kill while starting, or some milliseconds after the first new scan; False if done before."""
     before = num_events(output)
+
+    # the moment
     if rng.random() < 0.15:
         time.sleep(rng.uniform(0.0, 3.0))
     else:
         while num_events(output) == before and process.poll() is None:
             time.sleep(0.002)
         time.sleep(rng.uniform(0.0, 0.12))
+
     if process.poll() is not None:
         return False
     process.send_signal(signal.SIGKILL)

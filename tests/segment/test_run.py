@@ -483,6 +483,8 @@ def test_a_cut_labelled_scan_is_written_again(recording, tmp_path, weights_path)
         "DELETE FROM voxels WHERE first_id > 0",
         "UPDATE configuration SET value = '{' WHERE key = 'seed'",
         "UPDATE scans SET pose = x'00' WHERE number = 1",
+        "UPDATE scans SET event = '{}' WHERE number = 1",
+        "UPDATE scans SET event = substr(event, 2)",
         "UPDATE voxels SET rgb = 'abc' WHERE first_id = 0",
         "UPDATE voxels SET count = count - 1 WHERE first_id = 0",
         "UPDATE voxels SET instance = zeroblob(length(instance)) WHERE first_id = 0",
