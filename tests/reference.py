@@ -123,12 +123,16 @@ def first_occupied(occupied: set[Voxel], start, direction, longest: float) -> Vo
     reached = [math.inf] * 3
     apart = [math.inf] * 3
     step = [0] * 3
+
+    # where along the ray the next face of each axis is, and how far apart they are
     for axis in range(3):
         if direction[axis] != 0:
             step[axis] = 1 if direction[axis] > 0 else -1
             face = voxel[axis] + (step[axis] > 0)
             reached[axis] = (face - start[axis]) / direction[axis]
             apart[axis] = step[axis] / direction[axis]
+
+    # through the nearest face, until something is there
     while min(reached) <= longest:
         axis = reached.index(min(reached))
         voxel[axis] += step[axis]

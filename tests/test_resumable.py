@@ -93,6 +93,8 @@ def test_what_a_killed_process_left_of_a_file_goes_with_the_next_write(tmp_path)
         "    partial.write_text('half')",
     )
     (leftover,) = names_in(tmp_path)
+
+    # while this process, too, writes the file
     with whole_file(tmp_path / "a.txt", is_one_of_many=True) as partial:
         partial.write_text("whole")
         write_whole(tmp_path / "b.txt", "another")

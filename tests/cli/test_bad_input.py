@@ -527,5 +527,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
     assert result.exit_code == 1
     assert "set NUMBA_CACHE_DIR" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+    # a bug stays a traceback
     said = "something else"
     assert isinstance(CliRunner().invoke(app, words).exception, RuntimeError)
