@@ -152,6 +152,13 @@ def test_a_scan_that_cannot_be_read_is_skipped_if_asked(recording, tmp_path, poi
     assert (document["scans"], document["skipped"]) == (4, ["000001.ply"])
 
 
+def test_a_recording_without_a_point_in_range_has_no_objects(recording, tmp_path, pointnet):
+    result = offline(recording, tmp_path / "out", pointnet, "--range", "0.001", "--json")
+    assert json.loads(result.stdout)["voxels"] == 0
+    assert json.loads((tmp_path / "out/objects.json").read_text()) == []
+    assert len(list((tmp_path / "out/scans").iterdir())) == 4
+
+
 def test_every_method_runs_offline(recording, tmp_path, weights_path):
     assert offline(recording, tmp_path / "mcpnet", weights_path).exit_code == 0
     assert (
