@@ -11,10 +11,10 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
-from mcpseg_cli.export.colours import ColourBy
+from mcpseg_cli.choices import ColourBy, View
 from mcpseg_cli.export.picture import write_picture
 from mcpseg_cli.export.selection import Selection
-from mcpseg_cli.export.views import PictureSettings, View
+from mcpseg_cli.export.views import PictureSettings
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 VIEWS: tuple[View, ...] = ("top", "cut")

@@ -2,7 +2,6 @@
 
 import inspect
 import re
-from enum import Enum
 from pathlib import Path
 from typing import Literal, get_args, get_origin, get_type_hints
 
@@ -45,7 +44,7 @@ def describe_parameter(name, default, hint) -> str:
     if kind is not bool:
         words += f" {info.metavar or '|'.join(choices(kind)) or placeholder(kind)}"
         if default not in (None, inspect.Parameter.empty) and "[default" not in text:
-            text += f" [default: {default.value if isinstance(default, Enum) else default}]"
+            text += f" [default: {default}]"
     return f"| `{tidy(words)}` | {tidy(text)} |"
 
 
@@ -58,14 +57,9 @@ def placeholder(kind) -> str:
 
 
 def choices(kind) -> list[str]:
-    """Give the values of an option that takes one of a few, a literal or an enumeration."""
-    values: list[str] = []
-    for part in (kind, *get_args(kind)):
-        if get_origin(part) is Literal:
-            values += get_args(part)
-        elif inspect.isclass(part) and issubclass(part, Enum):
-            values += [value.value for value in part]
-    return values
+    """Give the values of an option that takes one of a few."""
+    kinds = [kind, *get_args(kind)]
+    return [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
 
 
 def tidy(text: str) -> str:

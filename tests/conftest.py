@@ -14,8 +14,8 @@ from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 
 class LabelledFolders(NamedTuple):
@@ -50,7 +50,6 @@ def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -
     run = SegmentRun(
         open_recording(scans, poses),
         folder / "out",
-        weights,
         IncrementalSegmenter(weights),
         RunOptions(),
     )

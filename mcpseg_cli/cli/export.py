@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import CloudFormat, ColourChoice, Overwrite, Quiet, ViewChoice
+from mcpseg_cli.choices import CloudFormat, ColourBy, View
+from mcpseg_cli.cli.options import Overwrite, Quiet
 from mcpseg_cli.errors import OutputError
 
 if TYPE_CHECKING:
-    from mcpseg_cli.export.colours import ColourBy
     from mcpseg_cli.export.selection import Selection
     from mcpseg_cli.export.views import PictureSettings
     from mcpseg_cli.segment.labelled_run import LabelledRun
@@ -36,7 +36,7 @@ def export(
         ),
     ],
     color: Annotated[
-        ColourChoice | None,
+        ColourBy | None,
         typer.Option(
             help="What the colours of points say; default: rgb in clouds, class elsewhere."
         ),
@@ -71,9 +71,7 @@ def export(
         CloudFormat | None,
         typer.Option(help="Write a cloud of this format for each object into the folder -o."),
     ] = None,
-    view: Annotated[
-        ViewChoice, typer.Option(help="Where a picture is seen from.")
-    ] = ViewChoice.CUT,
+    view: Annotated[View, typer.Option(help="Where a picture is seen from.")] = "cut",
     cut: Annotated[
         float,
         typer.Option(
@@ -111,13 +109,12 @@ def export(
 
     if scans is not None and split is not None:
         raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
-    colour_by: ColourBy | None = None if color is None else color.value
     request = _Request(
         _selection(class_names, instances, min_confidence, box),
-        colour_by or "rgb",
-        PictureSettings(view.value, colour_by or "class", cut, yaw),
+        color or "rgb",
+        PictureSettings(view, color or "class", cut, yaw),
         scans,
-        split.value if split else None,
+        split,
     )
     run_folder = Path(source)
     check_targets(run_folder, outputs, fills_folder=bool(scans or split), overwrite=overwrite)

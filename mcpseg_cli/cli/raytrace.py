@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import FormatChoice, Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.choices import ScanFormat, Scanner
+from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.building import Building
     from mcpseg_cli.config import RaytraceSettings
     from mcpseg_cli.raytrace.record import RaytraceReport
     from mcpseg_cli.raytrace.run import RaytraceRun
-
-
-class ScannerChoice(StrEnum):
-    """What the simulated scanner covers."""
-
-    PAPER = "paper"
-    AUTHORS = "authors"
-
 
 _Metres = float | None
 _Degrees = float | None
@@ -61,9 +54,9 @@ def raytrace(
         Path | None, typer.Option(help="Also draw floor plan, route and scan positions (PNG).")
     ] = None,
     scanner: Annotated[
-        ScannerChoice,
+        Scanner,
         typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program."),
-    ] = ScannerChoice.PAPER,
+    ] = "paper",
     v_min: Annotated[
         _Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")
     ] = None,
@@ -92,7 +85,7 @@ def raytrace(
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
-    format: Annotated[FormatChoice, typer.Option(help="Format of the clouds.")] = FormatChoice.PLY,  # noqa: A002
+    format: Annotated[ScanFormat, typer.Option(help="Format of the clouds.")] = "ply",  # noqa: A002
     cache: Annotated[
         Path | None,
         typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]"),
@@ -119,21 +112,24 @@ def raytrace(
     import json
 
     from mcpseg_cli.cli.display import print_table
-    from mcpseg_cli.config import AUTHORS_SCANNER
+    from mcpseg_cli.config import AUTHORS_SCANNER, RaytraceSettings
 
-    preset = AUTHORS_SCANNER if scanner is ScannerChoice.AUTHORS else {}
-    chosen = {"lowest_deg": v_min, "highest_deg": v_max, "reach": reach}
-    settings = _settings(
-        preset
-        | {name: value for name, value in chosen.items() if value is not None}
-        | {
+    settings = settings_of(
+        RaytraceSettings,
+        {
             "voxel_size": voxel_size,
             "step": step,
             "height": height,
+            "reach": reach,
+            "lowest_deg": v_min,
+            "highest_deg": v_max,
             "horizontal_deg": h_res,
             "vertical_deg": v_res,
-        }
-        | {"noise": noise, "dropout": dropout, "seed": seed}
+            "noise": noise,
+            "dropout": dropout,
+            "seed": seed,
+        },
+        before=AUTHORS_SCANNER if scanner == "authors" else None,
     )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):
@@ -142,7 +138,7 @@ def raytrace(
     # area after area, each with its own table
     task = _Task(
         settings=settings,
-        suffix=f".{format.value}",
+        suffix=f".{format}",
         jobs=number_of_jobs(jobs),
         cache=cache,
         overwrite=overwrite,
@@ -174,36 +170,6 @@ def _folders(areas: list[Path], output: Path | None) -> list[Path]:
 def _name_of(area: Path) -> str:
     """Return what an area is called, also one given as ``.``."""
     return Path(os.path.abspath(area)).name  # noqa: PTH100
-
-
-def _settings(values: dict[str, float]) -> RaytraceSettings:
-    """Check the options that decide the scans."""
-    from pydantic import ValidationError
-
-    from mcpseg_cli.config import RaytraceSettings
-
-    try:
-        return RaytraceSettings.model_validate(values)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        if not problem["loc"]:
-            raise typer.BadParameter("--v-min must be below --v-max") from error
-        raise typer.BadParameter(f"{_OPTIONS[str(problem['loc'][0])]}: {problem['msg']}") from error
-
-
-_OPTIONS = {
-    "voxel_size": "--voxel-size",
-    "lowest_deg": "--v-min",
-    "highest_deg": "--v-max",
-    "reach": "--range",
-    "horizontal_deg": "--h-res",
-    "vertical_deg": "--v-res",
-    "step": "--step",
-    "height": "--height",
-    "noise": "--noise",
-    "dropout": "--dropout",
-    "seed": "--seed",
-}
 
 
 @dataclass(frozen=True)

@@ -4,66 +4,26 @@ from __future__ import annotations
 
 import os
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcpseg_cli.choices import (
+    Architecture,
+    BestBy,
+    ClassBalance,
+    ContextWindow,
+    Schedule,
+    TrainPrecision,
+)
 from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet, Seed
+from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
-
     from mcpseg_cli.config import AugmentSettings
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.train.ranks import Ranks
-
-
-class NetChoice(StrEnum):
-    """Networks of tables I to III."""
-
-    MCPNET = "mcpnet"
-    MCPNET_NOCONTEXT = "mcpnet-nocontext"
-    POINTNET = "pointnet"
-    POINTNET2 = "pointnet2"
-    SGPN = "sgpn"
-    VOXNET = "voxnet"
-
-
-class ScheduleChoice(StrEnum):
-    """How the learning rate goes."""
-
-    CONSTANT = "constant"
-    COSINE = "cosine"
-
-
-class BalanceChoice(StrEnum):
-    """What an error on a point of a class costs."""
-
-    NONE = "none"
-    SQRT = "sqrt"
-
-
-class BestChoice(StrEnum):
-    """What makes weights the best."""
-
-    MIOU = "miou"
-    LOSS = "loss"
-
-
-class TrainPrecisionChoice(StrEnum):
-    """Arithmetic of the network while training."""
-
-    FP32 = "fp32"
-    BF16 = "bf16"
-
-
-class WindowChoice(StrEnum):
-    """Where context points come from."""
-
-    CELLS = "cells"
-    COARSE = "coarse"
 
 
 def train(
@@ -82,14 +42,14 @@ def train(
             help="Areas to validate on, by the number at the end of their name: 6; 1,2,3; all; none.",
         ),
     ] = "6",
-    net: Annotated[NetChoice, typer.Option(help="Network.")] = NetChoice.MCPNET,
+    net: Annotated[Architecture, typer.Option(help="Network.")] = "mcpnet",
     epochs: Annotated[
         int, typer.Option(help="Passes over the data, one batch of each scan.")
     ] = 100,
     lr: Annotated[float, typer.Option(help="Learning rate of Adam.")] = 1e-3,
     schedule: Annotated[
-        ScheduleChoice, typer.Option(help="constant, or cosine: the learning rate falls to 0.")
-    ] = ScheduleChoice.CONSTANT,
+        Schedule, typer.Option(help="constant, or cosine: the learning rate falls to 0.")
+    ] = "constant",
     warm_up: Annotated[
         float, typer.Option(metavar="EPOCHS", help="Let the learning rate rise over so many.")
     ] = 0.0,
@@ -103,11 +63,11 @@ def train(
     class_weight: Annotated[float, typer.Option(help="Weight of the class loss.")] = 1.0,
     instance_weight: Annotated[float, typer.Option(help="Weight of the instance loss.")] = 1.0,
     balance: Annotated[
-        BalanceChoice,
+        ClassBalance,
         typer.Option(
             help="sqrt: errors on rare classes cost more, by the root of their frequency."
         ),
-    ] = BalanceChoice.NONE,
+    ] = "none",
     batch_size: Annotated[
         int | None, typer.Option(help="Points per batch.  [default: the network's own]")
     ] = None,
@@ -126,14 +86,10 @@ def train(
     patience: Annotated[
         int | None, typer.Option(help="Stop after so many validations without a better one.")
     ] = None,
-    best_by: Annotated[
-        BestChoice, typer.Option(help="What the weights are chosen by.")
-    ] = BestChoice.MIOU,
-    precision: Annotated[
-        TrainPrecisionChoice, typer.Option(help="Arithmetic.")
-    ] = TrainPrecisionChoice.FP32,
+    best_by: Annotated[BestBy, typer.Option(help="What the weights are chosen by.")] = "miou",
+    precision: Annotated[TrainPrecision, typer.Option(help="Arithmetic.")] = "fp32",
     window: Annotated[
-        WindowChoice | None,
+        ContextWindow | None,
         typer.Option(help="Where context comes from.  [default: that of --init, else cells]"),
     ] = None,
     context: Annotated[
@@ -214,40 +170,20 @@ def train(
       mcpseg train scans/ --holdout none --init mcpnet --classes mine.csv --lr 1e-4 --epochs 20
       torchrun --nproc-per-node 2 -m mcpseg_cli train --holdout 6 --device cuda
     """
-    from pydantic import ValidationError
-
     from mcpseg_cli.config import TrainSettings
     from mcpseg_cli.train.folds import find_areas, make_folds
 
     if resume and overwrite:
         raise typer.BadParameter("--resume and --overwrite exclude each other")
-    try:
-        settings = TrainSettings.model_validate(
-            {
-                "architecture": net.value,
-                "epochs": epochs,
-                "learning_rate": lr,
-                "schedule": schedule.value,
-                "warm_up": warm_up,
-                "weight_decay": weight_decay,
-                "max_gradient": clip,
-                "margin": margin,
-                "class_weight": class_weight,
-                "instance_weight": instance_weight,
-                "class_balance": balance.value,
-                "batch_size": batch_size,
-                "batches_per_epoch": batches,
-                "batches_per_step": batches_per_step,
-                "validation_batches": validation_batches,
-                "validate_every": validate_every,
-                "patience": patience,
-                "best_by": best_by.value,
-                "precision": precision.value,
-                "seed": seed,
-            }
-        )
-    except ValidationError as error:
-        raise _bad_option(error) from error
+    settings = settings_of(TrainSettings, {
+        "architecture": net, "epochs": epochs, "learning_rate": lr, "schedule": schedule,
+        "warm_up": warm_up, "weight_decay": weight_decay, "max_gradient": clip, "margin": margin,
+        "class_weight": class_weight, "instance_weight": instance_weight,
+        "class_balance": balance, "batch_size": batch_size, "batches_per_epoch": batches,
+        "batches_per_step": batches_per_step, "validation_batches": validation_batches,
+        "validate_every": validate_every, "patience": patience, "best_by": best_by,
+        "precision": precision, "seed": seed,
+    })  # fmt: skip
     areas = find_areas(data)
     folds = make_folds(areas, holdout, data)
     if name is not None and (len(folds) > 1 or Path(name).name != name):
@@ -264,15 +200,12 @@ def train(
     if jobs is not None:
         use_threads(jobs)
     initial = _initial(init)
-    given_window = window.value if window else initial.info.context_window if initial else "cells"
+    given_window = window if window else initial.info.context_window if initial else "cells"
     given_context = context if context is not None else initial.info.num_context if initial else 50
-    try:
-        samples = SampleSettings.model_validate({
-            "context_window": given_window, "num_context": given_context, "voxel_size": voxel_size,
-            "local_range": local_range, "seed": seed,
-        })  # fmt: skip
-    except ValidationError as error:
-        raise _bad_option(error) from error
+    samples = settings_of(SampleSettings, {
+        "context_window": given_window, "num_context": given_context, "voxel_size": voxel_size,
+        "local_range": local_range, "seed": seed,
+    })  # fmt: skip
     settings = settings.model_copy(
         update={"batch_size": settings.batch_size or network_batch_size(settings)}
     )
@@ -288,29 +221,7 @@ def train(
         device,
         options,
     )
-    task.run(
-        areas, [(fold, TrainFiles(output, name or f"{net.value}-{fold.label}")) for fold in folds]
-    )
-
-
-def _bad_option(error: ValidationError) -> typer.BadParameter:
-    """Say in one line which option has which value it cannot have."""
-    problem = error.errors()[0]
-    name = str(problem["loc"][0]) if problem["loc"] else ""
-    return typer.BadParameter(
-        f"{_OPTIONS.get(name, '--' + name.replace('_', '-'))}: {problem['msg']}"
-    )
-
-
-_OPTIONS = {
-    "learning_rate": "--lr",
-    "max_gradient": "--clip",
-    "class_balance": "--balance",
-    "batches_per_epoch": "--batches",
-    "num_context": "--context",
-    "context_window": "--window",
-    "local_range": "--range",
-}
+    task.run(areas, [(fold, TrainFiles(output, name or f"{net}-{fold.label}")) for fold in folds])
 
 
 def _class_table(path: Path | None) -> dict[str, str] | None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
-ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")
 UNKNOWN_COLOUR = (128, 128, 128)
 _CLASS_COLOURS = {

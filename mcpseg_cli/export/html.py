@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.colours import (
     COLOUR_BY,
-    ColourBy,
     class_palette,
     colouring,
     confidence_colours,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mcpseg_cli.export.colours import ColourBy, class_palette, confidence_colours
+from mcpseg_cli.choices import ColourBy
+from mcpseg_cli.export.colours import class_palette, confidence_colours
 
 _CONFIDENCES = (0.0, 0.25, 0.5, 0.75, 1.0)
 _TEXT_SHARE = 1 / 66  # height of letters by the picture's width

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcpseg_cli.export.colours import ColourBy, colouring
+from mcpseg_cli.choices import ColourBy
+from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.map_cloud import as_cloud, label_prefix_for
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts

@@ -16,9 +16,10 @@ from torch import Tensor, nn
 
 from mcpseg_cli import __version__
 from mcpseg_cli.config import NUM_FEATURES
-from mcpseg_cli.errors import OutputError, naming
+from mcpseg_cli.errors import OutputError
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights
+from mcpseg_cli.resumable import write_whole
 
 if TYPE_CHECKING:
     import onnx
@@ -87,13 +88,7 @@ def write_onnx(weights: Weights, path: Path) -> float:
             f"{path}: differs from PyTorch by {difference:.2g}; expected less than {_TOLERANCE}; "
             "report it"
         )
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        with naming(path):
-            partial.write_bytes(data)
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, data)
     return difference
 
 

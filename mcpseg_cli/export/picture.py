@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from mcpseg_cli.errors import naming
+from mcpseg_cli.choices import View
 from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
-from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings, View
+from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings
+from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _SIZE, _TURNTABLE_SIZE = 1600, 640  # longest side without the legend, pixels
@@ -86,16 +87,11 @@ def write_turntable(
 
 def _save(picture: Image.Image, path: Path, others: list[Image.Image] | None = None) -> None:
     """Write a picture that appears under its name only when complete."""
-    partial = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        with naming(path):
-            if others is None:
-                picture.save(partial)
-            else:
-                picture.save(partial, save_all=True, append_images=others, duration=80, loop=0)
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial:
+        if others is None:
+            picture.save(partial)
+        else:
+            picture.save(partial, save_all=True, append_images=others, duration=80, loop=0)
 
 
 def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) -> _Scene:

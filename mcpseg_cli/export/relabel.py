@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from mcpseg_cli.formats.recording import ScanFile, read_scan
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.labelled_run import LabelledRun
-from mcpseg_cli.segment.scan_record import ScanRecord
 
 _UNKNOWN = Labels(np.array([255], np.uint8), np.zeros(1, np.int32), np.zeros(1, np.float32))
 
@@ -40,7 +38,7 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
             if not path.is_file():
                 expected = f"the scans of {run.folder}"
                 raise InputError(path, "no such scan", expected, "name the folder of its input")
-            if not _is_same(path, record):
+            if not record.file.matches(path):
                 expected = f"the scan as {run.folder} was made from it"
                 raise InputError(path, "changed since it was labelled", expected, "restore it")
             files.append(ScanFile(path, record.pose))
@@ -103,14 +101,3 @@ def _taken(labels: Labels, ids: NDArray[np.int32]) -> Labels:
     return Labels(
         labels.semantic[ids], labels.instance[ids], labels.confidence[ids], labels.classes
     )
-
-
-def _is_same(path: Path, record: ScanRecord) -> bool:
-    """Compare a file with the one consumed; its content only where size and time of change do not settle it."""
-    status = path.stat()
-    if status.st_size != record.size:
-        return False
-    if status.st_mtime_ns == record.mtime_ns:
-        return True
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == record.sha256

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.errors import OutputError
-from mcpseg_cli.export.colours import ColourBy, class_palette, colouring
+from mcpseg_cli.export.colours import class_palette, colouring
 from mcpseg_cli.export.selection import Selection
+from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 if TYPE_CHECKING:
@@ -152,8 +153,7 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    partial = path.with_name(f".{os.getpid()}.part{path.suffix}")
-    try:
+    with whole_file(path) as partial:
         partial.touch()  # fails as a file should; Rerun's own words say less
         stream.save(partial)
 
@@ -165,9 +165,6 @@ def write_recording(
             log.add_scan(number, record.pose, own)
         stream.flush()
         stream.disconnect()
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
     return len(scan)
 
 

@@ -14,7 +14,7 @@ from mcpseg_cli.building import Building
 from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.labels import check_classes
-from mcpseg_cli.formats.steady import SteadyFile, whole_file
+from mcpseg_cli.formats.steady import SteadyFile, steady_file
 
 _FORMAT = "mcpseg building 1"
 _COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -40,7 +40,7 @@ def write_building_h5(path: Path, building: Building, tags: dict[str, str] | Non
         OutputError: A name is empty or not printable.
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
-    with whole_file(path) as file:
+    with steady_file(path) as file:
         _write_datasets(path, file, building, tags or {})
 
 

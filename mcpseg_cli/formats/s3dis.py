@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from mcpseg_cli.errors import InputError, McpsegError, OutputError, naming
 from mcpseg_cli.formats.hdf5 import read_building_h5, read_tags, write_building_h5
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS, ObjectFile, Points, list_area, read_files
 from mcpseg_cli.formats.s3dis_text import format_lines
+from mcpseg_cli.resumable import whole_folder
 
 _CACHE_VERSION = "1"  # raise it when the same text comes to give another building
 _NAME = re.compile(r"[^\W_][\w.-]*")
@@ -152,18 +152,9 @@ def write_room(
         raise OutputError(
             f"{area / room}: already there; expected a new room; remove it or name another"
         )
-
-    # complete, or hidden
-    hidden = area / f".{room}.part"
-    shutil.rmtree(hidden, ignore_errors=True)
-    (hidden / ANNOTATIONS).mkdir(parents=True)
-    try:
-        names = _write_objects(hidden / ANNOTATIONS, area / room, objects)
-        hidden.rename(area / room)
-    except BaseException:
-        shutil.rmtree(hidden, ignore_errors=True)
-        raise
-    return names
+    with whole_folder(area / room) as partial:
+        (partial / ANNOTATIONS).mkdir()
+        return _write_objects(partial / ANNOTATIONS, area / room, objects)
 
 
 def _write_objects(

@@ -7,12 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import Method, Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.choices import Method, Precision
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.incremental.classification import NetworkClassifier
 from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.region_growing import RegionGrower
 from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 
 
@@ -128,5 +130,6 @@ def make_method(
         McpsegError: The device does not exist here.
     """
     if isinstance(method, RegionGrowingSettings):
+        find_device(device)  # nothing runs there, but a name that is wrong is told
         return RegionGrower(method, settings)
     return NetworkClassifier(method, settings, precision=precision, device=device)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import Precision
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.growing_map import GrowingMap

@@ -15,7 +15,7 @@ from mcpseg_cli import __version__
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, write_cloud
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.raytrace.drive import Progress, Waypoints, plan_drive
 from mcpseg_cli.raytrace.record import (
@@ -33,10 +33,11 @@ from mcpseg_cli.raytrace.record import (
 )
 from mcpseg_cli.raytrace.route_plot import plot_route
 from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table, rounded_places, scan_name
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_same, remove_leftovers, write_whole
 
 _FORMAT = 1  # of the folder; another number is another run
 _FEW_POINTS = 4.0  # a voxel; with fewer, a surface has voxels without any
+_NAMES = {"format": "version of the folder", "building": "building", "suffix": "--format"}
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ class RaytraceRun:
 
     Raises:
         InputError: The building is too large for the voxel size.
-        OutputError: The folder holds another run, or files that no run made.
+        StateError: The folder holds the scans of another request.
+        OutputError: It holds files that no run made.
     """
 
     def __init__(
@@ -217,8 +219,7 @@ class RaytraceRun:
         # what a killed call was writing
         assert self.positions is not None, "plan first"
         for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
-            for leftover in folder.glob(f".*{PARTIAL}.*"):
-                leftover.unlink(missing_ok=True)
+            remove_leftovers(folder)
 
         # a few scans ahead, not the whole building
         num_points = 0
@@ -337,31 +338,9 @@ def _check_folder(
                 "expected an empty folder or a run; choose another -o, or move them away"
             )
         return
-    changed = [key for key in record if identity is not None and record[key] != identity[key]]
-    if identity is not None and changed:
-        raise OutputError(
-            f"{folder}: holds scans made with another "
-            f"{', '.join(_differences(record, identity, changed))}; "
-            "expected the same; choose another -o or give --overwrite"
-        )
-
-
-def _differences(
-    record: dict[str, object], identity: dict[str, object], changed: list[str]
-) -> list[str]:
-    """Name what differs, settings one by one."""
-    names = []
-    for key in changed:
-        before, now = record[key], identity[key]
-        if key == "settings" and isinstance(before, dict) and isinstance(now, dict):
-            names += [
-                f"{name} ({before.get(name)}, not {now[name]})"
-                for name in now
-                if before.get(name) != now[name]
-            ]
-        else:
-            names.append(key)
-    return names
+    if identity is not None:
+        remedy = "choose another -o or give --overwrite"
+        check_same(folder / RECORD, record, identity, remedy=remedy, names=_NAMES)
 
 
 def _clear(folder: Path, record: RunRecord | None) -> None:

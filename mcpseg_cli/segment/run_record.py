@@ -3,17 +3,44 @@
 from __future__ import annotations
 
 import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
 
-from mcpseg_cli.config import Frame, Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli import __version__
+from mcpseg_cli.choices import Frame, OnError, Precision, ScanFormat
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.resumable import printable
+from mcpseg_cli.resumable import printable, write_whole
+
+if TYPE_CHECKING:
+    from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 
 _NAME = "run.json"
 _Words = Annotated[str, BeforeValidator(printable)]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run reads and writes; what decides its labels is in ``SegmentSettings``.
+
+    Attributes:
+        frame: Frame of the scans' coordinates.
+        format: Ending of the labelled scans, without its dot; None for each scan's own.
+        on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
+        offline: Whether all scans are labelled together, when the last is read.
+        command: The command line, for the record.
+    """
+
+    frame: Frame = "map"
+    format: ScanFormat | None = None
+    on_error: OnError = "stop"
+    offline: bool = False
+    command: Sequence[str] = ()
 
 
 class RunConfiguration(SegmentSettings):
@@ -40,6 +67,15 @@ class RunConfiguration(SegmentSettings):
     method: str | None = None
     region_growing: RegionGrowingSettings | None = None
     offline: bool = False
+
+    @classmethod
+    def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
+        """Collect it."""
+        facts = segmenter.settings.model_dump()
+        facts |= {"frame": options.frame, "format": options.format}
+        facts |= {"precision": segmenter.precision, "device": segmenter.device}
+        facts |= segmenter.method.configuration()
+        return cls.model_validate(facts | ({"offline": True} if options.offline else {}))
 
     def as_json(self) -> dict[str, JsonValue]:
         """Give what was set, ready for JSON; what a network has no use for is left out."""
@@ -71,6 +107,24 @@ class RunRecord(BaseModel):
     classes: tuple[str, ...]
 
     @classmethod
+    def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
+        """Describe a run."""
+        weights = segmenter.method.weights
+        described: dict[str, JsonValue] | None = None
+        if weights is not None:
+            described = {"name": printable(weights.name), "sha256": weights.sha256}
+            described |= weights.info.model_dump(mode="json")
+        return cls(
+            mcpseg=__version__,
+            python=platform.python_version(),
+            command=tuple(options.command),
+            method=segmenter.method.name,
+            configuration=RunConfiguration.of(segmenter, options),
+            weights=described,
+            classes=segmenter.classes,
+        )
+
+    @classmethod
     def read(cls, folder: Path) -> Self:
         """Read the record of a run.
 
@@ -94,9 +148,11 @@ class RunRecord(BaseModel):
         except (ValueError, RecursionError) as error:
             raise InputError(path, "not JSON", expected, remedy) from error
 
-    def as_text(self) -> str:
-        """Give the text of the file."""
-        document = self.model_dump(mode="json")
-        return (
-            json.dumps(document | {"configuration": self.configuration.as_json()}, indent=1) + "\n"
-        )
+    def write(self, folder: Path) -> None:
+        """Write the record into the folder of the run.
+
+        Raises:
+            OSError: The disk is full.
+        """
+        document = self.model_dump(mode="json") | {"configuration": self.configuration.as_json()}
+        write_whole(folder / _NAME, json.dumps(document, indent=1) + "\n")

@@ -13,13 +13,14 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats.s3dis import write_room
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_same, partial_folder, write_whole
 from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
 
 _VERSION = 1  # of the generator; raise it when the same seed comes to give another building
 RECORD = "synth.json"
+_NAMES = {"version": "version of the generator", "number": "number of the area"}
 
 RoomName = Annotated[str, Field(pattern=r"^[A-Za-z]+_\d+$")]
 """``office_3`` and the like: no path that leads out of the area."""
@@ -83,8 +84,8 @@ class _Record(BaseModel):
 
     def own(self, folder: Path) -> list[Path]:
         """Return the folders of the area's rooms, and those of half-written ones."""
-        forms = ("{}", ".{}.part")
-        return [folder / form.format(name) for name in self.planned for form in forms]
+        rooms = [folder / name for name in self.planned]
+        return rooms + [partial_folder(room) for room in rooms]
 
 
 def write_area(
@@ -105,7 +106,8 @@ def write_area(
 
     Raises:
         InputError: No floor plan with so many rooms was found.
-        OutputError: The folder holds another area, or rooms that were not made here.
+        StateError: The folder holds another area.
+        OutputError: It holds rooms that were not made here.
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
     style, rooms, seeds = plan_building(
@@ -180,16 +182,12 @@ def _check(folder: Path, earlier: _Record | None, record: _Record | None) -> Non
                 "expected a new folder; name another"
             )
         return
-    if record is None or (earlier.version, earlier.request) == (record.version, record.request):
-        return
-    before, now = earlier.request.model_dump(), record.request.model_dump()
-    changed = [
-        f"{name} ({before[name]}, not {now[name]})" for name in now if before[name] != now[name]
-    ]
-    raise OutputError(
-        f"{folder}: holds an area made with another {', '.join(changed) or 'version of mcpseg'}; "
-        "expected the same; name another folder or give --overwrite"
-    )
+    if record is not None:
+        kept, asked = (
+            part.model_dump(include={"version", "request"}) for part in (earlier, record)
+        )
+        remedy = "name another folder or give --overwrite"
+        check_same(folder / RECORD, kept, asked, remedy=remedy, names=_NAMES)
 
 
 def _write_record(folder: Path, record: _Record) -> None:

@@ -25,7 +25,8 @@ from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.scan_record import ScanRecord
+from mcpseg_cli.segment.events import LabelledEvent
+from mcpseg_cli.segment.scan_record import NOT_READ, ScanRecord
 
 PER_SCAN = 1000
 STEP = 0.6
@@ -47,8 +48,12 @@ def make_run(folder: Path, voxels: int) -> None:
             pose[:3, 3] = (place * STEP, lane * LANE, 1.0)
             rows = corridor(pose[:3, 3], number, embedding, rng)
             known = (number + 1) * PER_SCAN
+            name = f"{number:06d}.ply"
+            event = LabelledEvent(
+                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0.0
+            )
             record = ScanRecord(
-                f"{number:06d}.ply", 1, 1, "", pose, 2 * PER_SCAN, known, 0.0, None, "{}", 1
+                name, NOT_READ, pose, 2 * PER_SCAN, known, 0.0, None, event, output_size=1
             )
             merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
             state.commit(record, rows, merge)

@@ -20,8 +20,8 @@ from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import find_weights, load_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 NUM_SWEEPS = 100
 BEAMS, COLUMNS = 64, 2032  # 130,048 points a sweep
@@ -85,7 +85,7 @@ def main() -> None:
         # once to warm up
         for output, sources in (("warm", recording[:3]), ("out", recording)):
             segmenter = IncrementalSegmenter(weights, SegmentSettings(local_range=arguments.range))
-            with SegmentRun(sources, Path(name) / output, weights, segmenter, RunOptions()) as run:
+            with SegmentRun(sources, Path(name) / output, segmenter, RunOptions()) as run:
                 reports = list(run.run())
 
     ms = np.array([report.ms for report in reports])

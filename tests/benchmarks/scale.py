@@ -22,8 +22,8 @@ from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.objects import list_objects
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import Weights, find_weights, load_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 STEP = 1.0  # metres between scans
 RANGE = 4.0
@@ -68,7 +68,7 @@ def write_scan(folder: Path, number: int) -> ScanFile:
 def open_run(recording: list[ScanFile], output: Path, weights: Weights) -> SegmentRun:
     """Open the run, with a new segmenter."""
     segmenter = IncrementalSegmenter(weights, SegmentSettings(local_range=RANGE))
-    return SegmentRun(recording, output, weights, segmenter, RunOptions())
+    return SegmentRun(recording, output, segmenter, RunOptions())
 
 
 def main() -> None:

@@ -25,8 +25,8 @@ from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.device import one_thread_per_operation
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
 from mcpseg_cli.networks.weights import Weights, load_weights, save_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 
 def run_building(
@@ -40,7 +40,7 @@ def run_building(
     ms: dict[str, list[float]] = {"total": []}
     with (
         tempfile.TemporaryDirectory() as folder,
-        SegmentRun(recording, Path(folder) / "out", weights, segmenter, RunOptions()) as run,
+        SegmentRun(recording, Path(folder) / "out", segmenter, RunOptions()) as run,
     ):
         for report in run.run():
             ms["total"].append(report.ms)

@@ -278,7 +278,7 @@ def test_another_setting_is_refused_in_one_line_and_overwrite_replaces(room, tmp
     trace(room, tmp_path / "out", "--step", "1")
     result = invoke("raytrace", room, "-o", tmp_path / "out", "--step", "2", *COARSE)
     assert result.exit_code == 1
-    assert "step (1.0, not 2.0)" in result.stderr
+    assert "made with --step 1.0, now 2.0; expected the same" in result.stderr
     assert len(result.stderr.splitlines()) == 1
     trace(room, tmp_path / "out", "--step", "2", "--overwrite")
     assert len(numbers_of(tmp_path / "out/scans")) == len(read_poses(tmp_path / "out/poses.csv"))

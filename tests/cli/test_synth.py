@@ -113,7 +113,7 @@ def test_another_seed_in_the_same_folder_is_refused_and_overwrite_replaces(tmp_p
     before = texts_of(tmp_path / "Area_1")
     result = invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6")
     assert result.exit_code == 1
-    assert "made with another seed" in result.stderr
+    assert "made with --seed 5, now 6; expected the same" in result.stderr
     assert texts_of(tmp_path / "Area_1") == before
     assert invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6", "--overwrite").exit_code == 0
     assert texts_of(tmp_path / "Area_1") != before

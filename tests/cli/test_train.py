@@ -320,7 +320,7 @@ def test_overwriting_trains_anew(data, trained, tmp_path):
 def test_changed_settings_are_named_when_resuming(data, trained):
     result = invoke(*arguments(data, trained, "--epochs", "4", "--lr", "0.5", "--resume"))
     assert result.exit_code == 1
-    assert "another learning rate (0.001, not 0.5)" in result.stderr
+    assert "--lr 0.001, now 0.5" in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 

@@ -16,7 +16,7 @@ from mcpseg_cli.cli import app
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.offline import split_blocks
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
-from mcpseg_cli.segment import offline_run
+from mcpseg_cli.segment.run import SegmentRun
 
 
 @pytest.fixture(scope="module")
@@ -114,11 +114,10 @@ def test_a_run_that_dies_before_its_commit_starts_afresh(
 ):
     offline(recording, tmp_path / "whole", pointnet)
     with monkeypatch.context() as patch:
-        patch.setattr(
-            offline_run.OfflineRun, "_commit", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
-        )
+        patch.setattr(SegmentRun, "commit_all", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         offline(recording, tmp_path / "out", pointnet)
     assert not list((tmp_path / "out/scans").iterdir())
+    assert not (tmp_path / "out/objects.json").exists()
     assert offline(recording, tmp_path / "out", pointnet).exit_code == 0
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
 
@@ -151,6 +150,13 @@ def test_a_scan_that_cannot_be_read_is_skipped_if_asked(recording, tmp_path, poi
         offline(recording, tmp_path / "out", pointnet, "--on-error", "skip", "--json").stdout
     )
     assert (document["scans"], document["skipped"]) == (4, ["000001.ply"])
+
+
+def test_a_recording_without_a_point_in_range_has_no_objects(recording, tmp_path, pointnet):
+    result = offline(recording, tmp_path / "out", pointnet, "--range", "0.001", "--json")
+    assert json.loads(result.stdout)["voxels"] == 0
+    assert json.loads((tmp_path / "out/objects.json").read_text()) == []
+    assert len(list((tmp_path / "out/scans").iterdir())) == 4
 
 
 def test_every_method_runs_offline(recording, tmp_path, weights_path):

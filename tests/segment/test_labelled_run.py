@@ -77,11 +77,11 @@ def test_a_run_that_is_being_written_is_read_without_touching_it(labelled_run, t
     out = tmp_path / "out"
     shutil.copytree(labelled_run.out, out)
     with State(out / "state.sqlite") as state:  # holds the lock, as segment does
-        state._db.execute(
-            "UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'"
-        )  # lies in the log only
+        # what is new lies in the log only
+        state._db.execute("UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'")
         before = contents(out)
         assert before["state.sqlite-wal"][0]
+
         with LabelledRun(out) as run:
             assert run.settings["frame"] == "later"
             assert len(run.whole()) == len(run)
@@ -98,7 +98,8 @@ def test_a_log_that_starts_again_meanwhile_is_copied_again(labelled_run, tmp_pat
         def copy_and_write(source, target):
             copied.append(source.name)
             target.write_bytes(source.read_bytes())
-            if len(copied) == 1:  # between the database and its log
+            # between the database and its log
+            if len(copied) == 1:
                 state._db.execute("DELETE FROM configuration WHERE key = 'seed'")
                 state._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                 state._db.execute("DELETE FROM configuration WHERE key = 'floor'")

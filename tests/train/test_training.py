@@ -391,7 +391,7 @@ def test_a_checkpoint_of_other_settings_is_refused_with_their_names(tmp_path):
         {"settings": {"learning_rate": 0.1, "seed": 1}, "classes": ["a"]},
     )
     with pytest.raises(
-        StateError, match=r"another learning rate \(0.1, not 0.2\); expected the same.*--overwrite"
+        StateError, match=r"made with --lr 0\.1, now 0\.2; expected the same.*--overwrite"
     ):
         read_checkpoint(path, {"settings": {"learning_rate": 0.2, "seed": 1}, "classes": ["a"]})
 
