@@ -37,5 +37,5 @@ def test_a_value_that_cannot_be_is_named_by_its_option(given, said):
 def test_options_that_contradict_each_other_are_both_named():
     given = {"lowest_deg": 50.0, "highest_deg": 20.0}
     options = {"lowest_deg": "--v-min", "highest_deg": "--v-max"}
-    with pytest.raises(typer.BadParameter, match="^--v-min must be below --v-max$"):
+    with pytest.raises(typer.BadParameter, match=r"^--v-min must be below --v-max$"):
         settings_of(RaytraceSettings, given, options)

@@ -1,4 +1,4 @@
-"""The training loop on a tiny made-up world: it learns, it stops, it goes on as if nothing had been."""
+"""The training loop on a tiny made-up world: it learns, stops, goes on as if nothing had been."""
 
 import copy
 import errno
