@@ -23,12 +23,14 @@ import torch
 from mcpseg_cli.config import BATCH, AugmentSettings, SampleSettings, TrainSettings
 from mcpseg_cli.networks.device import use_threads
 from mcpseg_cli.networks.weights import load_weights
-from mcpseg_cli.train.batches import AreaSamples, BatchSource
+from mcpseg_cli.train.batches import BatchSource
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
+from mcpseg_cli.train.folder import TrainFiles
 from mcpseg_cli.train.folds import Area, Fold, find_areas, make_folds
 from mcpseg_cli.train.objective import Objective, to_tensors
 from mcpseg_cli.train.ranks import Ranks
-from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
+from mcpseg_cli.train.run import TrainRequest, TrainRun
+from mcpseg_cli.train.samples import AreaSamples
 from mcpseg_cli.train.scores import Tally
 
 PARTS = {  # what is left out together
@@ -97,6 +99,8 @@ def train(
     """Train one network, unless it is there."""
     files = TrainFiles(options.output, name.replace(" ", "_").replace(",", "").replace("'", ""))
     files.check(resume=True, overwrite=False)
+
+    # as the bundled weights of MCPNet, but short
     settings = TrainSettings(
         epochs=1,
         batches_per_epoch=options.batches,
@@ -110,9 +114,9 @@ def train(
     )
     data = DataSettings(SampleSettings(), augment)
     request = TrainRequest(settings, data, fold, command=sys.argv)
-    run = TrainRun(
-        files, request, fold_data(fold, prepared, data, settings), torch.device("cpu"), Ranks()
-    )
+    sources = fold_data(fold, prepared, data, settings)
+
+    run = TrainRun(files, request, sources, torch.device("cpu"), Ranks())
     if run.record is None:
         for _ in run.run(minutes=5):
             pass
@@ -129,11 +133,18 @@ def score(
     objective = Objective(TrainSettings(precision="bf16"), None, torch.device("cpu"))
     results = {}
     for condition, changes in CONDITIONS.items():
+        # the held-out batches, changed
         augment = AugmentSettings.model_validate({**AugmentSettings.off().model_dump(), **changes})
         source = BatchSource(
-            [area], area.classes, batch_size=BATCH, with_context=True, augmentation=augment, seed=1,
+            [area],
+            area.classes,
+            batch_size=BATCH,
+            with_context=True,
+            augmentation=augment,
+            seed=1,
             samples_per_instance=0,
-        )  # fmt: skip
+        )
+
         tally = Tally(len(area.classes), torch.device("cpu"))
         for batch in map(to_tensors, islice(source.epoch(0), options.validation_batches)):
             outcome = objective.evaluate(network, batch)
@@ -144,17 +155,19 @@ def score(
 
 
 def label(weights: Path, recording: Path) -> tuple[float, float]:
-    """Label a ray-traced recording online and score it: point accuracy and mIoU of the classes present."""
+    """Label a ray-traced recording online and score it.
+
+    Returns:
+        Point accuracy and mIoU of the classes present.
+    """
     mcpseg = [sys.executable, "-m", "mcpseg_cli"]
     with tempfile.TemporaryDirectory() as folder:
         scans = [str(recording / "scans"), str(recording / "poses.csv")]
-        subprocess.run(
-            [*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"],
-            check=True,
-            stdout=subprocess.DEVNULL,
-        )
-        answer = subprocess.run([*mcpseg, "eval", folder + "/out", str(recording / "gt"), "--json"],
-                                check=True, capture_output=True)  # fmt: skip
+        command = [*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        command = [*mcpseg, "eval", folder + "/out", str(recording / "gt"), "--json"]
+        answer = subprocess.run(command, check=True, capture_output=True)
+
     scores = json.loads(answer.stdout)
     return scores["point_accuracy"], scores["miou_present"]
 
@@ -184,11 +197,15 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
     use_threads(options.threads)
+
+    # areas, one held out
     areas = find_areas(options.data)
     [fold] = make_folds(areas, options.holdout, options.data)
     prepared = prepare(areas, DataSettings(SampleSettings(), AugmentSettings()), lambda *_: None)
     recordings = dict(entry.split("=", 1) for entry in options.recording)
     results: dict[str, dict[str, tuple[float, float]]] = {}
+
+    # a network for each part left out; figures are kept as they come
     for name, augment in variants().items():
         weights = train(name, augment, fold, prepared, options)
         results[name] = score(weights, prepared[fold.validation[0]], options)
@@ -197,11 +214,8 @@ def main() -> None:
         }
         (options.output / "study.json").write_text(json.dumps(results, indent=1) + "\n")
         (options.output / "study.md").write_text(table(results))
-        print(
-            name,
-            {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()},
-            flush=True,
-        )
+        figures = {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()}
+        print(name, figures, flush=True)
 
 
 if __name__ == "__main__":

@@ -55,3 +55,6 @@ BestBy = Literal["miou", "loss"]
 
 TrainPrecision = Literal["fp32", "bf16"]
 """Arithmetic of the network while training."""
+
+Augmentation = Literal["default", "none"]
+"""How training batches are changed: as its settings have it by default, or not at all."""

@@ -203,6 +203,20 @@ class SampleSettings(MapSettings):
     seen_again: int = Field(default=256, ge=0, le=1 << 20)
 
 
+class CheckpointSettings(BaseModel):
+    """When a training writes checkpoints, apart from the end of each epoch.
+
+    Attributes:
+        minutes: From one to the next.
+        keep: Whether the last stays when training is done.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    minutes: float = Field(default=10.0, ge=0.0)
+    keep: bool = False
+
+
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -282,15 +296,12 @@ class AugmentSettings(BaseModel):
 
 _OPTIONS = {
     "architecture": "--net",
-    "batches_per_epoch": "--batches",
-    "class_balance": "--balance",
-    "context_window": "--window",
     "highest_deg": "--v-max",
     "horizontal_deg": "--h-res",
+    "init": "--weights",
     "learning_rate": "--lr",
     "local_range": "--range",
     "lowest_deg": "--v-min",
-    "max_gradient": "--clip",
     "num_context": "--context",
     "num_rooms": "--rooms",
     "reach": "--range",

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -193,7 +193,7 @@ def check_same(
         StateError: Something differs; says what, as it was and as it is now.
     """
     asked = json.loads(json.dumps(asked))  # tuples as lists, as in the file
-    changed = _differences(kept, asked)
+    changed = _differences(kept, asked, names or {})
     if not changed:
         return
 
@@ -203,14 +203,14 @@ def check_same(
 
 
 def _differences(
-    kept: Mapping[str, object], asked: Mapping[str, object]
+    kept: Mapping[str, object], asked: Mapping[str, object], named: Collection[str]
 ) -> dict[str, tuple[object, object]]:
-    """Collect what differs: before and now by name; of groups of settings, one by one."""
+    """Collect what differs: before and now by name; of groups without a name, one by one."""
     changed: dict[str, tuple[object, object]] = {}
     for name in [*asked, *(name for name in kept if name not in asked)]:
         before, now = kept.get(name), asked.get(name)
-        if isinstance(before, dict) and isinstance(now, dict):
-            changed |= _differences(before, now)
+        if isinstance(before, dict) and isinstance(now, dict) and name not in named:
+            changed |= _differences(before, now, named)
         elif before != now:
             changed[name] = before, now
     return changed

@@ -9,26 +9,24 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import typer
 
 from mcpseg_cli.cli.display import notice, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
-from mcpseg_cli.config import TrainSettings
+from mcpseg_cli.config import CheckpointSettings, TrainSettings
 from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import Weights
 from mcpseg_cli.resumable import exclusive
-from mcpseg_cli.train.batches import AreaSamples
 from mcpseg_cli.train.fold_data import DataSettings, fold_data, prepare
+from mcpseg_cli.train.folder import TrainFiles, TrainRecord
 from mcpseg_cli.train.folds import Area, Fold
 from mcpseg_cli.train.progress import EpochReport, Progress
 from mcpseg_cli.train.ranks import Ranks, joined
-from mcpseg_cli.train.run import TrainFiles, TrainRequest, TrainRun
+from mcpseg_cli.train.run import TrainRequest, TrainRun
+from mcpseg_cli.train.samples import AreaSamples
+from mcpseg_cli.train.scores import Scores
 from mcpseg_cli.train.tensorboard_log import TensorBoardLog
-
-if TYPE_CHECKING:
-    from pydantic import JsonValue
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +35,7 @@ class TaskOptions:
 
     resume: bool
     overwrite: bool
-    keep_checkpoint: bool
-    minutes: float
+    checkpoint: CheckpointSettings
     tensorboard: Path | None
     quiet: bool
     as_json: bool
@@ -66,15 +63,12 @@ class TrainTask:
         device: str,
         options: TaskOptions,
     ) -> None:
-        self.settings, self.data, self.initial, self.ranks, self.options = (
-            settings,
-            data,
-            initial,
-            ranks,
-            options,
-        )
+        self.settings, self.data, self.initial = settings, data, initial
+        self.ranks, self.options = ranks, options
         own = f"cuda:{ranks.local}" if device == "cuda" and ranks.world > 1 else device
         self.device = find_device(own)
+
+        # only the first process shows and writes
         self.is_first = ranks.rank == 0
         self.quiet = options.quiet or not self.is_first
         self.show_progress = not (self.quiet or options.as_json)
@@ -82,47 +76,50 @@ class TrainTask:
     def run(self, areas: Sequence[Area], folds: Sequence[tuple[Fold, TrainFiles]]) -> None:
         """Train every fold, one after the other, and print the results."""
         with ExitStack() as stack:
+            # nobody else writes these files, and nothing there is lost
             if self.is_first:
                 for _, files in folds:
                     files.check(resume=self.options.resume, overwrite=self.options.overwrite)
                     stack.enter_context(exclusive(files.folder, files.path("lock").name))
             stack.enter_context(joined(self.ranks, self.device))
-            used = [
-                area
-                for area in areas
-                if any(area in (*fold.training, *fold.validation) for fold, _ in folds)
-            ]
-            prepared = self._prepare(used)
-            runs = [
-                self._make_run(fold, files, prepared) for fold, files in folds
-            ]  # refuses what cannot be trained
+
+            # what cannot be trained is refused before anything is
+            used = {area for fold, _ in folds for area in (*fold.training, *fold.validation)}
+            prepared = self._prepare([area for area in areas if area in used])
+            runs = [self._make_run(fold, files, prepared) for fold, files in folds]
             if self.options.overwrite and self.is_first:
                 for _, files in folds:
                     files.clear()
             self.ranks.wait()
+
+            # fold by fold, until asked to stop
             interrupt = stack.enter_context(Interrupt(is_patient=self.ranks.world > 1))
             records = []
             for run in runs:
-                records.append(self._train(run, interrupt))
-                if not records[-1]["complete"]:
+                records += self._train(run, interrupt)
+                if not run.is_complete:
                     break
+            self.ranks.wait()  # ended with its last thread, a process is now and then aborted
+
         if self.is_first:
-            self._print(records, folds[0][1])
-        if not records[-1]["complete"]:
-            self._say_how_to_continue(records[-1])
+            self._print(records, folds[0][1].folder)
+        if not run.is_complete:
+            self._say_how_to_continue(run)
             raise typer.Exit(130)
 
     def _prepare(self, areas: Sequence[Area]) -> Mapping[Area, AreaSamples]:
-        """Prepare samples under a progress bar; other processes wait for the first, then find them prepared."""
+        """Prepare samples under a progress bar, in the first process; the others find them."""
         if not self.is_first:
             self.ranks.wait()
+
         with progress_bar("prepare samples", quiet=not self.show_progress) as bar:
             task = bar.add_task("", total=None, state="")
 
-            def note(name: str, done: int, total: int) -> None:
+            def progress(name: str, done: int, total: int) -> None:
                 bar.update(task, completed=done, total=total, state=f"scans  {name}")
 
-            prepared = prepare(areas, self.data, note)
+            prepared = prepare(areas, self.data, progress)
+
         if self.is_first:
             self.ranks.wait()
         return prepared
@@ -135,136 +132,126 @@ class TrainTask:
         data = fold_data(fold, prepared, self.data, self.settings)
         return TrainRun(files, request, data, self.device, self.ranks, anew=self.options.overwrite)
 
-    def _train(self, run: TrainRun, interrupt: Interrupt) -> Mapping[str, JsonValue]:
-        """Train one fold; return its record."""
+    def _train(self, run: TrainRun, interrupt: Interrupt) -> list[TrainRecord]:
+        """Train one fold; return its record, in the first process."""
         if run.record is not None:
-            notice(
-                f"mcpseg: {run.files.path('safetensors')}: nothing to do: trained to the end",
-                quiet=self.quiet,
-            )
-            return run.record
+            path = run.files.path("safetensors")
+            notice(f"mcpseg: {path}: nothing to do: trained to the end", quiet=self.quiet)
+            return [run.record]
+
+        # what was found
+        first = len(run.trainer.curves) + 1
         if run.new_classes:
-            notice(
-                f"mcpseg: classes that start afresh: {', '.join(run.new_classes)}", quiet=self.quiet
-            )
+            new = ", ".join(run.new_classes)
+            notice(f"mcpseg: classes that start afresh: {new}", quiet=self.quiet)
         if run.has_resumed:
-            notice(
-                f"mcpseg: {run.files.name}: continuing in epoch {len(run.trainer.curves) + 1}",
-                quiet=self.quiet,
-            )
+            notice(f"mcpseg: {run.files.name}: continuing in epoch {first}", quiet=self.quiet)
+
         with ExitStack() as stack:
             log = None
             if self.options.tensorboard is not None and self.is_first:
-                first = len(run.trainer.curves) + 1
-                log = stack.enter_context(
-                    TensorBoardLog(self.options.tensorboard / run.files.name, first)
-                )
+                folder = self.options.tensorboard / run.files.name
+                log = stack.enter_context(TensorBoardLog(folder, first))
             self._follow(run, log, interrupt)
-        if self.is_first:
-            return run.write_results(keep_checkpoint=self.options.keep_checkpoint)
-        return {"complete": run.trainer.is_finished}
+        if not self.is_first:
+            return []
+        return [run.write_results(keep_checkpoint=self.options.checkpoint.keep)]
 
     def _follow(self, run: TrainRun, log: TensorBoardLog | None, interrupt: Interrupt) -> None:
         """Train under a progress bar; a line for every epoch."""
-        epochs, per_step = self.settings.epochs, self.settings.batches_per_step * self.ranks.world
-        started, first = perf_counter(), run.trainer.num_steps_done
-        with progress_bar(f"train {run.files.name}", quiet=not self.show_progress) as bar:
-            task = bar.add_task("", total=epochs * run.trainer.num_steps, completed=first, state="")
-            for progress in run.run(self.options.minutes, lambda: interrupt.asked):
+        name, epochs = run.files.name, self.settings.epochs
+        per_step = self.settings.batches_per_step * self.ranks.world
+        started, before = perf_counter(), run.trainer.num_steps_done
+        total = epochs * run.trainer.num_steps
+
+        with progress_bar(f"train {name}", quiet=not self.show_progress) as bar:
+            task = bar.add_task("", total=total, completed=before, state="")
+            for progress in run.run(self.options.checkpoint.minutes, lambda: interrupt.asked):
                 done = (progress.epoch - 1) * progress.num_steps + progress.step
-                rate = (done - first) * per_step / (perf_counter() - started)
-                bar.update(
-                    task, completed=done, state=_state(progress, epochs, rate, run.batch_size)
-                )
+                rate = (done - before) * per_step / (perf_counter() - started)
+                state = _state(progress, epochs, rate, run.batch_size)
+                bar.update(task, completed=done, state=state)
+
                 if progress.finished is not None:
-                    notice(
-                        _epoch_line(run.files.name, progress.finished),
-                        quiet=self.quiet,
-                        console=bar.console,
-                    )
+                    line = _epoch_line(name, progress.finished)
+                    notice(line, quiet=self.quiet, console=bar.console)
                     if log is not None:
                         log.add(progress.finished)
 
-    def _say_how_to_continue(self, record: Mapping[str, JsonValue]) -> None:
+    def _say_how_to_continue(self, run: TrainRun) -> None:
         words = [word for word in self.options.command if word not in ("--overwrite", "--resume")]
-        again = shlex.join([*words, "--resume"])
+        again, epochs = shlex.join([*words, "--resume"]), len(run.trainer.curves)
         if self.is_first:
-            notice(f"mcpseg: interrupted after {record['epochs']} epochs; continue with: {again}")
+            notice(f"mcpseg: interrupted after {epochs} epochs; continue with: {again}")
 
-    def _print(self, records: Sequence[Mapping[str, JsonValue]], files: TrainFiles) -> None:
+    def _print(self, records: Sequence[TrainRecord], folder: Path) -> None:
         """Print the results of all folds."""
         if self.options.as_json:
-            typer.echo(json.dumps(records[0] if len(records) == 1 else records))
+            documents = [record.model_dump(mode="json") for record in records]
+            typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
             return
+
         for record in records:
-            if record["epochs"] == 0:  # no weights yet
-                continue
-            print_table(_rows(record, files.folder))
-        accuracies = [_score(record, "accuracy") for record in records]
-        mious = [_score(record, "miou") for record in records]
+            if record.epochs > 0:  # else there are no weights yet
+                print_table(_rows(record, folder))
         if len(records) > 1:
-            print_table([
-                ("mean of folds", f"class accuracy {_mean(accuracies)}, mIoU {_mean(mious)}"),
-            ])  # fmt: skip
+            held_out = [record.validation for record in records if record.validation]
+            accuracy = _mean([scores.accuracy for scores in held_out])
+            miou = _mean([scores.miou for scores in held_out])
+            print_table([("mean of folds", f"class accuracy {accuracy}, mIoU {miou}")])
 
 
 def _state(progress: Progress, epochs: int, rate: float, batch_size: int) -> str:
     """Say where training is, in the width of a line."""
     scores = progress.scores
-    embedding = (
-        "" if scores.embedding_accuracy is None else f"  embedding {scores.embedding_accuracy:.1%}"
-    )
-    return (
-        f"epoch {progress.epoch}/{epochs}  loss {scores.loss:.3f}  class {scores.accuracy:.1%}{embedding}  "
-        f"{rate:.1f} batches/s  {rate * batch_size:,.0f} points/s"
-    )
+    parts = [
+        f"epoch {progress.epoch}/{epochs}",
+        f"loss {scores.loss:.3f}",
+        f"class {scores.accuracy:.1%}",
+        *_embedding(scores),
+        f"{rate:.1f} batches/s",
+        f"{rate * batch_size:,.0f} points/s",
+    ]
+    return "  ".join(parts)
 
 
 def _epoch_line(name: str, report: EpochReport) -> str:
     """Sum one epoch up."""
-    line = f"mcpseg: {name}: epoch {report.epoch}: loss {report.train.loss:.3f}, class {report.train.accuracy:.1%}"
-    line += (
-        ""
-        if report.train.embedding_accuracy is None
-        else f", embedding {report.train.embedding_accuracy:.1%}"
-    )
-    if (scores := report.validation) is not None:
-        line += f"; held out: loss {scores.loss:.3f}, class {scores.accuracy:.1%}, mIoU {scores.miou or 0:.1%}"
-        line += (
-            ""
-            if scores.embedding_accuracy is None
-            else f", embedding {scores.embedding_accuracy:.1%}"
-        )
+    train, scores = report.train, report.validation
+    parts = [f"loss {train.loss:.3f}", f"class {train.accuracy:.1%}", *_embedding(train)]
+    line = f"mcpseg: {name}: epoch {report.epoch}: {', '.join(parts)}"
+
+    if scores is not None:
+        parts = [f"loss {scores.loss:.3f}", f"class {scores.accuracy:.1%}"]
+        parts += [f"mIoU {scores.miou or 0:.1%}", *_embedding(scores)]
+        line += f"; held out: {', '.join(parts)}"
     return f"{line}; {report.seconds:.0f} s"
 
 
-def _rows(record: Mapping[str, JsonValue], folder: Path) -> list[tuple[str, str]]:
+def _embedding(scores: Scores) -> list[str]:
+    """Say how good the embedding is, where there is one."""
+    accuracy = scores.embedding_accuracy
+    return [] if accuracy is None else [f"embedding {accuracy:.1%}"]
+
+
+def _rows(record: TrainRecord, folder: Path) -> list[tuple[str, str]]:
     """Lay a record out as the rows of a table."""
-    held_out = record["validation"] is not None
-    scores = record["validation"] if held_out else record["train"]
-    rows = [("weights", str(folder / f"{record['name']}.safetensors"))]
-    rows.append(("epoch", f"{record['best_epoch']} of {record['epochs']}"))
-    if isinstance(scores, dict):
-        where = "held out" if held_out else "training"
-        names = {
-            "loss": "loss",
-            "accuracy": "class accuracy",
-            "miou": "mIoU",
-            "embedding_accuracy": "embedding accuracy",
+    rows = [("weights", str(folder / f"{record.name}.safetensors"))]
+    rows.append(("epoch", f"{record.best_epoch} of {record.epochs}"))
+
+    # of what was held out, else of what was trained on
+    scores = record.validation or record.train
+    if scores is not None:
+        where = "held out" if record.validation else "training"
+        values = {
+            "loss": scores.loss,
+            "class accuracy": scores.accuracy,
+            "mIoU": scores.miou,
+            "embedding accuracy": scores.embedding_accuracy,
         }
-        values = [(label, scores[key]) for key, label in names.items()]
-        rows += [
-            (f"{label}, {where}", f"{value:.4f}")
-            for label, value in values
-            if isinstance(value, int | float)
-        ]
-    return [*rows, ("time", f"{record['seconds']} s"), ("sha256", str(record["sha256"]))]
-
-
-def _score(record: Mapping[str, JsonValue], key: str) -> float | None:
-    scores = record["validation"]
-    value = scores[key] if isinstance(scores, dict) else None
-    return float(value) if isinstance(value, int | float) else None
+        known = {label: value for label, value in values.items() if value is not None}
+        rows += [(f"{label}, {where}", f"{value:.4f}") for label, value in known.items()]
+    return [*rows, ("time", f"{record.seconds} s"), ("sha256", str(record.sha256))]
 
 
 def _mean(values: Sequence[float | None]) -> str:

@@ -1,4 +1,7 @@
-"""Augmentation: the points of one training batch changed as another robot, sensor, room or light would change them."""
+"""Augmentation: the points of a training batch changed as other robots would see them.
+
+Another robot, sensor, room or light changes them so.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.config import AugmentSettings
 from mcpseg_cli.scan import GREY
 
-_NEAREST_CUT, _FARTHEST_CUT = (
-    0.0,
-    1.0,
-)  # metres from the robot to the border of a half-space cut away
+_NEAREST_CUT, _FARTHEST_CUT = 0.0, 1.0  # metres from the robot to where a half-space is cut away
 _NARROWEST, _WIDEST = 30.0, 90.0  # degrees to each side that a sensor with a sector of view sees
 _LUMINANCE = np.array([0.299, 0.587, 0.114], np.float32)  # ITU-R BT.601
 
@@ -93,7 +93,7 @@ def augment(scene: Scene, settings: AugmentSettings, rng: np.random.Generator) -
 
 
 def change_places(scene: Scene, settings: AugmentSettings, rng: np.random.Generator) -> Scene:
-    """Turn, mirror and scale around the robot's foot, displace points, err about the robot's place and the floor.
+    """Turn, mirror and scale around the robot's foot; displace points, the robot and the floor.
 
     Args:
         scene: Points; not changed.
@@ -103,6 +103,7 @@ def change_places(scene: Scene, settings: AugmentSettings, rng: np.random.Genera
     Returns:
         A new scene; what is off stays bit for bit.
     """
+    # turn, mirror, scale
     angle = radians(rng.uniform(-1, 1) * settings.turn_deg)
     side = -1.0 if rng.random() < settings.mirror else 1.0
     scale = 1 + rng.uniform(-1, 1) * settings.scale
@@ -113,6 +114,8 @@ def change_places(scene: Scene, settings: AugmentSettings, rng: np.random.Genera
     if not np.array_equal(linear, np.eye(3)):
         foot = np.array([*scene.position[:2], scene.floor])
         xyz = ((xyz - foot) @ linear.T + foot).astype(np.float32)
+
+    # scatter, and errors about the robot's place and the floor
     if settings.jitter:
         xyz = xyz + _noise(xyz.shape, settings.jitter, rng)
     position = scene.position.copy()
@@ -138,11 +141,11 @@ def change_colours(scene: Scene, settings: AugmentSettings, rng: np.random.Gener
     if rng.random() < settings.grey:
         rgb[:] = GREY
         return scene
+
+    # light, then camera
     _change_light(scene, settings, rng)
-    contrast, offset = (
-        1 + rng.uniform(-1, 1) * settings.contrast,
-        rng.uniform(-1, 1) * settings.offset,
-    )
+    contrast = 1 + rng.uniform(-1, 1) * settings.contrast
+    offset = rng.uniform(-1, 1) * settings.offset
     if contrast != 1 or offset:
         mean = rgb.mean()
         rgb *= np.float32(contrast)
@@ -153,6 +156,8 @@ def change_colours(scene: Scene, settings: AugmentSettings, rng: np.random.Gener
         rgb[:] = np.float32(255) * (rgb / np.float32(255)) ** np.float32(exponent)
     if settings.hue_deg:
         rgb[:] = rgb @ hue_turn(rng.uniform(-1, 1) * settings.hue_deg).T
+
+    # noise of the sensor
     if settings.colour_noise:
         rgb += _noise(rgb.shape, settings.colour_noise, rng)
     if rng.random() < settings.luminance:
@@ -174,7 +179,10 @@ def _change_light(scene: Scene, settings: AugmentSettings, rng: np.random.Genera
 
 
 def hue_turn(angle_deg: float) -> NDArray[np.float32]:
-    """Return the (3, 3) float32 matrix that turns colours about the grey axis; greys stay (Rodrigues' formula)."""
+    """Return the (3, 3) float32 matrix that turns colours about the grey axis; greys stay.
+
+    By Rodrigues' formula.
+    """
     angle = radians(angle_deg)
     across = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
     turn: NDArray[np.float32] = (
@@ -213,7 +221,9 @@ def drop_context(
 def replace_gone(
     context: NDArray[np.int32], centre: NDArray[np.int32], gone: NDArray[np.bool_]
 ) -> None:
-    """Replace context points that are gone by repeating the others of their row, or the centre where none is left.
+    """Replace context points that are gone by repeating the others of their row.
+
+    Where none is left, the centre is repeated.
 
     Args:
         context: (N, K) int32 rows of the scene; overwritten.
@@ -230,6 +240,8 @@ def replace_gone(
             continue
         if size == 0:
             kept[0], size = centre[i], 1
+
+        # those that are left take turns
         replaced = 0
         for k in range(context.shape[1]):
             if gone[context[i, k]]:

@@ -1,16 +1,16 @@
-"""Training batches (III-D): points of one scan with their context, drawn evenly from objects, each time augmented anew.
+"""Training batches (III-D): points of one scan with their context, each time augmented anew.
 
-Networks pool over a batch, so a batch is points of one scan, as at inference.
+Networks pool over a batch, so a batch is points of one scan, as at inference; they are drawn evenly
+from its objects.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN, remap_table
@@ -25,17 +25,10 @@ from mcpseg_cli.train.augmentation import (
     drop_context,
     replace_gone,
 )
+from mcpseg_cli.train.class_table import trained_names
+from mcpseg_cli.train.draws import choose_balanced, choose_plain, number_locally
 from mcpseg_cli.train.replay import ScanSamples
-from mcpseg_cli.train.samples import AreaSamples, prepare_samples
-
-__all__ = [
-    "AreaSamples",
-    "Batch",
-    "BatchSource",
-    "choose_balanced",
-    "number_locally",
-    "prepare_samples",
-]
+from mcpseg_cli.train.samples import AreaSamples
 
 _FEWEST = 32  # points that a partial view must leave; new voxels that make a batch of their own
 _SCANS_AT_ONCE = 512  # whose samples are counted at once
@@ -60,6 +53,21 @@ class Batch:
     instance: NDArray[np.int64]
 
 
+class Batches(Protocol):
+    """Where batches come from; ``BatchSource`` is one."""
+
+    def __len__(self) -> int:
+        """Count the batches of an epoch."""
+
+    def epoch(
+        self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
+    ) -> Iterator[Batch]:
+        """Yield every ``world``-th batch of an epoch.
+
+        From number ``rank`` on, without the first ``start`` of these.
+        """
+
+
 class BatchSource:
     """Batches of many areas.
 
@@ -67,6 +75,8 @@ class BatchSource:
         areas: Samples to draw from.
         classes: Class table of the network; classes of an area are matched by name, points of
             others are not drawn.
+        mapping: Class by label of the areas, as ``class_table.read_class_table`` gives it; None:
+            labels are classes.
         batch_size: N.
         with_context: Whether the network needs context.
         augmentation: How batches are changed; None leaves them as segmentation sees them.
@@ -85,6 +95,7 @@ class BatchSource:
         self,
         areas: Sequence[AreaSamples],
         classes: tuple[str, ...],
+        mapping: Mapping[str, str] | None = None,
         *,
         batch_size: int,
         with_context: bool,
@@ -93,18 +104,20 @@ class BatchSource:
         samples_per_instance: int = 16,
         plain_share: float = 0.25,
     ) -> None:
-        self._areas = [_Area(area, classes) for area in areas]
+        self._areas = [_Area(area, classes, mapping) for area in areas]
         self._batch_size, self._with_context = batch_size, with_context
         self._augmentation, self._seed = augmentation, seed
         self._per_instance, self._plain_share = samples_per_instance, plain_share
+
+        # an epoch takes one batch from every scan that has points to draw
         scans = [area.usable_scans() for area in self._areas]
         self._area_of = np.repeat(np.arange(len(scans)), [len(part) for part in scans])
         self._scan_of = np.concatenate([*scans, np.empty(0, np.int64)])
         if len(self._scan_of) == 0:
             names = ", ".join(area.samples.name for area in self._areas) or "none"
             raise McpsegError(
-                f"areas {names}: no scan shows an object of the classes {', '.join(classes)}; expected some; "
-                "check the class tables"
+                f"areas {names}: no scan shows an object of the classes {', '.join(classes)}; "
+                "expected some; check the class tables"
             )
 
     def __len__(self) -> int:
@@ -129,27 +142,32 @@ class BatchSource:
         order = np.random.default_rng((self._seed, number)).permutation(len(self))
         for step in range(start, len(self) // world):
             position = world * step + rank
-            rng = np.random.default_rng(
-                (self._seed, number, position + 1)
-            )  # 0 would be the generator of the order
+            # 0 would be the generator of the order
+            rng = np.random.default_rng((self._seed, number, position + 1))
             place = order[position]
             yield self._draw(self._areas[self._area_of[place]], int(self._scan_of[place]), rng)
 
     def _draw(self, area: _Area, number: int, rng: np.random.Generator) -> Batch:
         """Choose the points of a batch and give them as the network sees them."""
+        # points with a label, but for what a partial view leaves out
         scan = area.samples.scan(number)
         pool, gone = area.usable[scan.voxel].nonzero()[0], None
         if self._augmentation is not None:
             gone = _Gone(area.samples, scan, self._augmentation, rng)
             pool = gone.leave(pool, rng)
+
+        # N of them, with their context
         rows = self._choose(pool, scan, area, rng)
         ids = scan.voxel[rows]
         context = scan.context[rows] if self._with_context else None
         scene, centre, context = _make_scene(area.samples, scan, ids, context, gone, rng)
+
+        # seen as another sensor, light or map would show them
         if self._augmentation is not None:
             if context is not None:
                 context = drop_context(context, self._augmentation, rng)
             scene = augment(scene, self._augmentation, rng)
+
         return Batch(
             network_input(scene.xyz[centre], scene.rgb[centre], scene.position, scene.floor),
             None if context is None else context_input(centre, context, scene.xyz, scene.rgb),
@@ -166,19 +184,18 @@ class BatchSource:
             return pool[choose_balanced(instance, self._batch_size, self._per_instance, rng)]
         new = pool[pool < scan.num_new]
         pool = new if len(new) >= _FEWEST else pool
-        return pool[
-            _filled(
-                rng.permutation(len(pool))[: self._batch_size], len(pool), self._batch_size, rng
-            )
-        ]
+        return pool[choose_plain(len(pool), self._batch_size, rng)]
 
 
 class _Area:
     """An area with its labels in the network's classes."""
 
-    def __init__(self, samples: AreaSamples, classes: tuple[str, ...]) -> None:
+    def __init__(
+        self, samples: AreaSamples, classes: tuple[str, ...], mapping: Mapping[str, str] | None
+    ) -> None:
         self.samples = samples
-        self.semantic = remap_table(samples.classes, classes)[samples.semantic]
+        names = trained_names(samples.classes, mapping)
+        self.semantic = remap_table(names, classes)[samples.semantic]
         self.usable: NDArray[np.bool_] = (self.semantic != UNKNOWN) & (samples.instance > 0)
 
     def usable_scans(self) -> NDArray[np.int64]:
@@ -194,7 +211,7 @@ class _Area:
 
 
 class _Gone:
-    """The voxels that an augmented batch lacks: cut away, thinned out, or remembered from earlier scans only."""
+    """The voxels an augmented batch lacks: cut away, thinned out, or of earlier scans only."""
 
     def __init__(
         self,
@@ -209,7 +226,7 @@ class _Gone:
         self._only_seen = rng.random() < settings.same_scan
 
     def leave(self, pool: NDArray[np.intp], rng: np.random.Generator) -> NDArray[np.intp]:
-        """Return the rows of the pool that are left; all of them, and nothing is cut, where few would be."""
+        """Return the rows of the pool that are left; where few would be, nothing is cut."""
         left = pool[~self._lost(self._scan.voxel[pool], rng)]
         if len(left) >= min(_FEWEST, len(pool)):
             return left
@@ -243,99 +260,19 @@ def _make_scene(
     gone: _Gone | None,
     rng: np.random.Generator,
 ) -> tuple[Scene, NDArray[np.int32], NDArray[np.int32] | None]:
-    """Gather every point of a batch once; return the scene and where in it centres and context are."""
+    """Gather every point of a batch once; say where in the scene centres and context are."""
+    # centres and their context, each point once
     everything = ids if context is None else np.concatenate([ids, context.ravel()])
     unique, number = number_locally(everything)
     xyz, rgb = np.asarray(area.xyz[unique]), area.rgb[unique].astype(np.float32)
     scene, centre = Scene(xyz, rgb, scan.position, scan.floor), number[: len(ids)]
     if context is None:
         return scene, centre, None
+
+    # context that is gone is replaced by the rest
     local = number[len(ids) :].reshape(context.shape)
     mark = gone.mark(unique, rng) if gone is not None else None
     if mark is not None:
         mark[centre] = False
         replace_gone(local, centre, mark)
     return scene, centre, local
-
-
-def choose_balanced(
-    instance: NDArray[np.int32], count: int, per_instance: int, rng: np.random.Generator
-) -> NDArray[np.intp]:
-    """Draw points evenly from objects: a random object, up to ``per_instance`` of its points, until there are enough.
-
-    Args:
-        instance: (P,) int32 objects of the points to draw from, at least one.
-        count: Points to draw.
-        per_instance: Points taken from an object at a time; it may be its turn again.
-        rng: Source of every choice.
-
-    Returns:
-        (count,) rows of ``instance``: each at most once, unless there are fewer than ``count``.
-    """
-    order = rng.permutation(len(instance))
-    order = order[
-        np.argsort(instance[order], kind="stable")
-    ]  # object by object, each in random order
-    ends = [*(np.flatnonzero(np.diff(instance[order])) + 1).tolist(), len(order)]
-    left = [list(span) for span in zip([0, *ends[:-1]], ends, strict=True)]
-    chosen: list[NDArray[np.intp]] = []
-    missing = count
-    while missing > 0 and left:
-        turn = int(rng.integers(len(left)))
-        first, end = left[turn]
-        taken = min(per_instance, end - first, missing)
-        chosen.append(order[first : first + taken])
-        missing -= taken
-        left[turn][0] += taken
-        if left[turn][0] == end:
-            left[turn] = left[-1]
-            left.pop()
-    return _filled(np.concatenate(chosen), len(instance), count, rng)
-
-
-def _filled(
-    rows: NDArray[np.intp], num_rows: int, count: int, rng: np.random.Generator
-) -> NDArray[np.intp]:
-    """Fill up to ``count`` rows by sampling with replacement."""
-    return np.concatenate([rows, rng.integers(num_rows, size=count - len(rows))])
-
-
-@njit(cache=True, nogil=True)
-def number_locally(ids: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Number distinct ids in the order they first come, by a hash table: ``np.unique`` sorts, which takes far longer.
-
-    Args:
-        ids: (N,) int32, not negative.
-
-    Returns:
-        (L,) int32 the distinct ids, and (N,) int32 where each id is among them.
-    """
-    size = 1
-    while size < 2 * ids.size:
-        size *= 2
-    keys, slots = np.full(size, -1, np.int32), np.empty(size, np.int32)
-    unique, number = np.empty(ids.size, np.int32), np.empty(ids.size, np.int32)
-    count = 0
-    for i in range(ids.size):
-        slot = (np.int64(ids[i]) * 2654435761 >> 8) & (size - 1)
-        while keys[slot] != ids[i] and keys[slot] != -1:
-            slot = (slot + 1) & (size - 1)
-        if keys[slot] == -1:
-            keys[slot] = ids[i]
-            slots[slot] = count
-            unique[count] = ids[i]
-            count += 1
-        number[i] = slots[slot]
-    return unique[:count].copy(), number
-
-
-class Batches(Protocol):
-    """Where batches come from; ``samples.BatchSource`` is one."""
-
-    def __len__(self) -> int:
-        """Count the batches of an epoch."""
-
-    def epoch(
-        self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
-    ) -> Iterator[Batch]:
-        """Yield every ``world``-th batch of an epoch from number ``rank`` on, without the first ``start`` of these."""

@@ -9,21 +9,37 @@ from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from mcpseg_cli.config import AugmentSettings
+from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
 from mcpseg_cli.errors import StateError
 from mcpseg_cli.resumable import check_same, write_whole
 from mcpseg_cli.train.progress import EpochReport, TrainState
 
 _METADATA = "mcpseg-checkpoint"
 _FORMAT = 1
+
+_TABLES: dict[str, type[BaseModel]] = {
+    "train": TrainSettings,
+    "samples": SampleSettings,
+    "augment": AugmentSettings,
+}
+_OPTIONS = {
+    "architecture", "epochs", "learning_rate", "schedule", "batch_size", "precision", "seed",
+    "num_context", "local_range",
+}  # fmt: skip
 _NAMES = {
     "classes": "set of classes",
     "class_table": "class table",
     "training_areas": "set of training areas",
     "validation_areas": "set of held-out areas",
     "processes": "number of processes",
-    **{name: f"--augment {name}" for name in AugmentSettings.model_fields},
+} | {
+    name: f"[{table}] {name}"
+    for table, settings in _TABLES.items()
+    for name in settings.model_fields
+    if name not in _OPTIONS
 }
+"""What is called otherwise than by an option; settings without one by their place in the file."""
+
 _NETWORK, _BEST, _OPTIMISER, _SUMS = "network.", "best.", "optimiser.", "sums"
 
 
@@ -50,6 +66,7 @@ def write_checkpoint(path: Path, state: TrainState, identity: Mapping[str, JsonV
     Raises:
         OSError: The disk is full or the folder not writable; the checkpoint before stays.
     """
+    # every tensor under a name that says what it is
     groups = {
         _NETWORK: state.network,
         _BEST: state.best_network,
@@ -91,10 +108,12 @@ def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, ValidationError) as error:
         raise StateError(
-            f"{path}: not a checkpoint of this version, or damaged; expected one that was not finished; "
-            "give --overwrite to start anew"
+            f"{path}: not a checkpoint of this version, or damaged; "
+            "expected one that was not finished; give --overwrite to start anew"
         ) from error
     check_identity(path, description.identity, identity)
+
+    # tensors by what they are
     groups = {
         prefix: {
             name.removeprefix(prefix): tensor

@@ -11,37 +11,56 @@ from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
 from mcpseg_cli.errors import InputError
 
 _IGNORED = ("", "unknown", "-")  # names in a class table for labels that no class is trained for
+_REMEDY = "see 'mcpseg train --help'"
 
 
 def read_class_table(path: Path) -> dict[str, str]:
     """Read which label of the data means which trained class.
 
     Args:
-        path: CSV with two columns, label and class, a header ``label,class`` optional; or JSON, one object. A class
-            that is empty, ``unknown`` or ``-`` drops the label, as if it were not in the table.
+        path: CSV with two columns, label and class, a header ``label,class`` optional; or JSON, one
+            object.
 
     Returns:
-        Class by label.
+        Class by label, as ``check_class_table`` gives it.
 
     Raises:
-        InputError: Another layout, a label given twice, too few or too many classes, or a name that breaks headers.
+        InputError: Another layout, or a table that cannot be used.
         OSError: The file cannot be opened.
     """
-    remedy = "see 'mcpseg train --help'"
     try:
         text = path.read_text(encoding="utf-8-sig")
         pairs = _json_pairs(text) if path.suffix.lower() == ".json" else _csv_pairs(text)
     except (ValueError, csv.Error) as error:
         expected = "lines 'label,class', or one JSON object of texts"
-        raise InputError(path, str(error) or "another layout", expected, remedy) from error
+        raise InputError(path, str(error) or "another layout", expected, _REMEDY) from error
+    return check_class_table(path, pairs)
+
+
+def check_class_table(source: Path | str, pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Make a class table of labels and their classes.
+
+    Args:
+        source: Named in messages.
+        pairs: Label and class. A class that is empty, ``unknown`` or ``-`` drops the label, as if
+            it were not in the table.
+
+    Returns:
+        Class by label.
+
+    Raises:
+        InputError: A label given twice, too few or too many classes, or a name that breaks headers.
+    """
     table = {label: name for label, name in pairs if name.lower() not in _IGNORED}
     if len({label for label, _ in pairs}) < len(pairs):
         twice = next(label for label, _ in pairs if sum(label == other for other, _ in pairs) > 1)
-        raise InputError(path, f"label {twice!r} twice", "every label once", "delete one")
-    if len(set(table.values())) < 2:
-        raise InputError(path, f"{len(set(table.values()))} classes", "two or more", remedy)
-    if problem := table_problem(sorted(set(table.values()))):
-        raise InputError(path, problem, TABLE_EXPECTED, "rename or merge classes")
+        raise InputError(source, f"label {twice!r} twice", "every label once", "delete one")
+
+    classes = sorted(set(table.values()))
+    if len(classes) < 2:
+        raise InputError(source, f"{len(classes)} classes", "two or more", _REMEDY)
+    if problem := table_problem(classes):
+        raise InputError(source, problem, TABLE_EXPECTED, "rename or merge classes")
     return table
 
 
@@ -68,7 +87,9 @@ def _csv_pairs(text: str) -> list[tuple[str, str]]:
 def trained_classes(
     tables: Sequence[Sequence[str]], mapping: Mapping[str, str] | None
 ) -> tuple[str, ...]:
-    """List the classes to train: those of the class table, else all that the areas have, in order of appearance.
+    """List the classes to train.
+
+    Those of the class table, else all that the areas have, in order of appearance.
 
     Args:
         tables: Class names of each area.
@@ -85,3 +106,13 @@ def trained_classes(
             "class tables of the data", problem, TABLE_EXPECTED, "choose classes with --classes"
         )
     return classes
+
+
+def trained_names(labels: Sequence[str], mapping: Mapping[str, str] | None) -> tuple[str, ...]:
+    """Name each label by the class it is trained as; those without one get no name.
+
+    Args:
+        labels: Class names of an area.
+        mapping: From ``read_class_table``; None: labels are classes.
+    """
+    return tuple(labels) if mapping is None else tuple(mapping.get(name, "") for name in labels)

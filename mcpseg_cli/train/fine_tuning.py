@@ -9,7 +9,7 @@ from mcpseg_cli.networks.weights import Weights, WeightsInfo
 
 
 def adopt(network: Network, info: WeightsInfo, weights: Weights) -> list[str]:
-    """Copy parameters into a network; of the class head, those of classes that both know by the same name.
+    """Copy parameters into a network; of the class head, those of classes that both know.
 
     Args:
         network: Fresh; changed in place. The head's rows for new classes stay as they are.
@@ -25,8 +25,10 @@ def adopt(network: Network, info: WeightsInfo, weights: Weights) -> list[str]:
     if weights.info.architecture != info.architecture:
         remedy = f"choose other weights, or --net {weights.info.architecture}"
         raise WeightsError(
-            f"--init {weights.name}", weights.info.architecture, info.architecture, remedy
+            f"--weights {weights.name}", weights.info.architecture, info.architecture, remedy
         )
+
+    # all but the class head as it is, of that what both class tables name
     head, known = _class_head(network), _class_head(weights.network)
     rows = [
         (info.classes.index(name), row)

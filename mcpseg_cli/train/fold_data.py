@@ -6,18 +6,20 @@ import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-
-from pydantic import JsonValue
 
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.train.batches import AreaSamples, Batches, BatchSource, prepare_samples
-from mcpseg_cli.train.class_table import trained_classes
+from mcpseg_cli.networks.weights import NETWORKS
+from mcpseg_cli.train.batches import Batches, BatchSource
+from mcpseg_cli.train.class_table import trained_classes, trained_names
+from mcpseg_cli.train.folder import AreaFacts
 from mcpseg_cli.train.folds import Area, Fold
+from mcpseg_cli.train.samples import AreaSamples, prepare_samples
 
-Note = Callable[[str, int, int], None]
-"""Told an area, its scans done and its scans in all."""
+AreaProgress = Callable[[str, int, int], None]
+"""Called with the name of an area, its scans that are done, and their number."""
 
 
 @dataclass(frozen=True)
@@ -46,23 +48,27 @@ class FoldData:
         training: Batches, changed as the settings say.
         validation: Batches as segmentation sees them; None where nothing is held out.
         plain: The training batches without change and context, to count classes in.
-        facts: What the data is; with other facts, training is another.
+        training_areas: What is trained on; with other areas, training is another.
+        validation_areas: What is held out.
     """
 
     classes: tuple[str, ...]
     training: Batches
     validation: Batches | None
     plain: Batches
-    facts: dict[str, JsonValue]
+    training_areas: tuple[AreaFacts, ...]
+    validation_areas: tuple[AreaFacts, ...]
 
 
-def prepare(areas: Iterable[Area], settings: DataSettings, note: Note) -> dict[Area, AreaSamples]:
+def prepare(
+    areas: Iterable[Area], settings: DataSettings, progress: AreaProgress
+) -> dict[Area, AreaSamples]:
     """Replay areas whose samples are not prepared yet.
 
     Args:
         areas: Of all folds.
         settings: How.
-        note: Told how far it is.
+        progress: Called after each scan that is replayed.
 
     Raises:
         McpsegError: An area that cannot be used.
@@ -73,16 +79,14 @@ def prepare(areas: Iterable[Area], settings: DataSettings, note: Note) -> dict[A
         settings.cache.mkdir(parents=True, exist_ok=True)
     for area in areas:
         file = None if settings.cache is None else _cache_file(area, settings.cache)
-
-        def progress(done: int, total: int, name: str = area.name) -> None:
-            note(name, done, total)
-
-        prepared[area] = prepare_samples(area.folder, settings.samples, file, progress)
+        prepared[area] = prepare_samples(
+            area.folder, settings.samples, file, partial(progress, area.name)
+        )
     return prepared
 
 
 def _cache_file(area: Area, cache: Path) -> Path:
-    """Name an area's file in the cache so that no other area has it: names with / and with - would look the same."""
+    """Name an area's file in the cache; names with / and with - would look the same."""
     digest = hashlib.sha256(os.fsencode(area.folder.resolve())).hexdigest()
     return cache / f"{area.name.replace('/', '-')}-{digest[:12]}.h5"
 
@@ -96,79 +100,68 @@ def fold_data(
         fold: Which areas.
         prepared: From ``prepare``; those of other folds may be among them.
         data: How scans become batches.
-        train: Network, seed and draw; its batch size is given.
+        train: Network, batch size, seed and draw.
 
     Raises:
         McpsegError: The class table does not fit the data, or no scan shows an object of a class.
     """
-    assert train.batch_size is not None
-    batch_size, seed = train.batch_size, train.seed
-    classes = trained_classes(
-        [prepared[area].classes for area in [*fold.training, *fold.validation]], data.mapping
-    )
-    needs_context = train.architecture == "mcpnet"
-    training = [_renamed(prepared[area], data.mapping) for area in fold.training]
-    validation = [_renamed(prepared[area], data.mapping) for area in fold.validation]
-    known = {name for area in training for name in area.classes if name in classes}
-    if len(known) < 2:
-        labels = dict.fromkeys(name for area in fold.training for name in prepared[area].classes)
-        raise InputError(
-            "--classes",
-            f"data labelled {', '.join(labels)}",
-            "two classes or more of them",
-            "check both",
-        )
+    # what is trained: the class table's classes, or those the areas have
+    training = [prepared[area] for area in fold.training]
+    validation = [prepared[area] for area in fold.validation]
+    classes = trained_classes([area.classes for area in training + validation], data.mapping)
+    _check_classes(classes, training, data.mapping)
 
-    def source(with_context: bool, augment: AugmentSettings | None) -> BatchSource:
+    # objects are drawn evenly to learn from, points as segmentation sees them to validate
+    network = NETWORKS[train.architecture]
+    per_object = train.samples_per_instance
+
+    def source(
+        areas: Sequence[AreaSamples],
+        with_context: bool,
+        per_object: int,
+        augment: AugmentSettings | None = None,
+    ) -> BatchSource:
         return BatchSource(
-            training,
+            areas,
             classes,
-            batch_size=batch_size,
+            data.mapping,
+            batch_size=train.batch_size or network.batch_size,
             with_context=with_context,
             augmentation=augment,
-            seed=seed,
-            samples_per_instance=train.samples_per_instance,
+            seed=train.seed,
+            samples_per_instance=per_object,
             plain_share=train.plain_share,
         )
 
-    held_out = (
-        BatchSource(
-            validation,
-            classes,
-            batch_size=batch_size,
-            with_context=needs_context,
-            augmentation=None,
-            seed=seed,
-            samples_per_instance=0,
-        )
-        if validation
-        else None
-    )
-    facts: dict[str, JsonValue] = {
-        "training_areas": _facts(fold.training, prepared),
-        "validation_areas": _facts(fold.validation, prepared),
-    }
     return FoldData(
-        classes, source(needs_context, data.augment), held_out, source(False, None), facts
+        classes,
+        training=source(training, network.needs_context, per_object, data.augment),
+        validation=source(validation, network.needs_context, 0) if validation else None,
+        plain=source(training, False, per_object),
+        training_areas=_facts(fold.training, prepared),
+        validation_areas=_facts(fold.validation, prepared),
     )
 
 
-def _renamed(area: AreaSamples, mapping: Mapping[str, str] | None) -> AreaSamples:
-    """Name an area's labels by the classes they mean; labels that mean none get no name, and are not drawn."""
-    if mapping is None:
-        return area
-    renamed = AreaSamples(area.path)
-    renamed.classes = tuple(mapping.get(name, "") for name in area.classes)
-    return renamed
+def _check_classes(
+    classes: Sequence[str], training: Sequence[AreaSamples], mapping: Mapping[str, str] | None
+) -> None:
+    """Refuse data that shows fewer than two of the classes."""
+    known = {name for area in training for name in trained_names(area.classes, mapping)}
+    if len(known.intersection(classes)) < 2:
+        labels = dict.fromkeys(name for area in training for name in area.classes)
+        found = f"data labelled {', '.join(labels)}"
+        raise InputError("--classes", found, "two classes or more of them", "check both")
 
 
-def _facts(areas: Sequence[Area], prepared: Mapping[Area, AreaSamples]) -> JsonValue:
-    return [
-        {
-            "name": area.name,
-            "scans": prepared[area].num_scans,
-            "samples": prepared[area].num_samples,
-            "fingerprint": bytes(prepared[area].fingerprint).hex(),
-        }
+def _facts(areas: Sequence[Area], prepared: Mapping[Area, AreaSamples]) -> tuple[AreaFacts, ...]:
+    """Say what areas are."""
+    return tuple(
+        AreaFacts(
+            name=area.name,
+            scans=prepared[area].num_scans,
+            samples=prepared[area].num_samples,
+            fingerprint=bytes(prepared[area].fingerprint).hex(),
+        )
         for area in areas
-    ]
+    )

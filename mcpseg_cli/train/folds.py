@@ -1,13 +1,14 @@
-"""Which ray-traced areas to train on and which to hold out, and class tables for them."""
+"""Which ray-traced areas to train on, and which to hold out."""
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.resumable import printable
@@ -63,19 +64,14 @@ def find_areas(data: Path) -> list[Area]:
         InputError: There is none, or one has no truth or is not complete.
         OSError: A folder cannot be read.
     """
+    expected, remedy = "ray-traced areas", "make them with 'mcpseg raytrace'"
     if not data.is_dir():
-        raise InputError(
-            data,
-            "no such folder",
-            "ray-traced areas",
-            "make them with 'mcpseg raytrace', or give DATA",
-        )
+        raise InputError(data, "no such folder", expected, f"{remedy}, or give DATA")
     next(data.iterdir(), None)  # a folder that may not be read is an error, not empty
     records = sorted(_records(data))
     if not records:
-        raise InputError(
-            data, f"no {RECORD} in it", "ray-traced areas", "make them with 'mcpseg raytrace'"
-        )
+        raise InputError(data, f"no {RECORD} in it", expected, remedy)
+
     for record in records:
         _check_area(record)
     folders = [record.parent for record in records]
@@ -83,7 +79,10 @@ def find_areas(data: Path) -> list[Area]:
 
 
 def _records(folder: Path) -> Iterator[Path]:
-    """Yield the records in a folder and in the folders in it; links are followed, into no folder twice."""
+    """Yield the records in a folder and in the folders in it.
+
+    Links are followed, into no folder twice.
+    """
     seen = set()
     for path, names, files in os.walk(folder, followlinks=True):
         if (real := os.path.realpath(path)) in seen:
@@ -94,26 +93,27 @@ def _records(folder: Path) -> Iterator[Path]:
             yield Path(path, RECORD)
 
 
+class _Traced(BaseModel):
+    """What of a record of ``mcpseg raytrace`` matters here."""
+
+    complete: bool = False
+
+
 def _check_area(record: Path) -> None:
     """Refuse an area that training cannot use, before hours are spent on the others."""
+    area, again = record.parent, "trace the area again"
     try:
-        document = json.loads(record.read_text())
-    except ValueError as error:
-        raise InputError(
-            record, "not JSON", "the record of 'mcpseg raytrace'", "trace the area again"
-        ) from error
-    if not isinstance(document, dict) or not document.get("complete"):
-        raise InputError(
-            record.parent,
-            "not traced to the end",
-            "all scans",
-            "run its 'mcpseg raytrace' command again",
-        )
+        is_complete = _Traced.model_validate_json(record.read_bytes()).complete
+    except ValidationError as error:
+        expected = "the record of 'mcpseg raytrace'"
+        raise InputError(record, "not a JSON record", expected, again) from error
+    if not is_complete:
+        remedy = "run its 'mcpseg raytrace' command again"
+        raise InputError(area, "not traced to the end", "all scans", remedy)
+
     for name in ("scans", "gt", "poses.csv"):
-        if not (record.parent / name).exists():
-            raise InputError(
-                record.parent, f"no {name}", "scans/, gt/ and poses.csv", "trace the area again"
-            )
+        if not (area / name).exists():
+            raise InputError(area, f"no {name}", "scans/, gt/ and poses.csv", again)
 
 
 def _name(folder: Path, data: Path) -> str:
@@ -145,15 +145,15 @@ def make_folds(areas: Sequence[Area], holdout: str, data: Path) -> list[Fold]:
     if holdout == "none":
         return [Fold(None, tuple(areas), ())]
     present = sorted({area.number for area in areas if area.number is not None})
-    known = (
-        f"one of {', '.join(map(str, present))}" if present else "areas whose names end in a number"
-    )
+    listed = ", ".join(map(str, present))
+    known = f"one of {listed}" if present else "areas whose names end in a number"
     try:
         numbers = present if holdout == "all" else [int(word) for word in holdout.split(",")]
     except ValueError as error:
-        raise InputError(
-            f"--holdout {holdout}", "not a number", f"{known}, all or none", "check it"
-        ) from error
+        expected = f"{known}, all or none"
+        raise InputError(f"--holdout {holdout}", "not a number", expected, "check it") from error
+
+    # a fold for each number: its areas are held out
     folds = []
     for number in dict.fromkeys(numbers):
         training = tuple(area for area in areas if area.number != number)
@@ -161,15 +161,11 @@ def make_folds(areas: Sequence[Area], holdout: str, data: Path) -> list[Fold]:
         if not validation:
             raise InputError(data, f"no area of number {number}", known, "choose another --holdout")
         if not training:
-            raise InputError(
-                data,
-                f"only areas of number {number}",
-                "others to train on",
-                "add some, or --holdout none",
-            )
+            found, remedy = f"only areas of number {number}", "add some, or --holdout none"
+            raise InputError(data, found, "others to train on", remedy)
         folds.append(Fold(number, training, validation))
+
     if not folds:
-        raise InputError(
-            data, "no area with a number", known, "rename areas, or give --holdout none"
-        )
+        remedy = "rename areas, or give --holdout none"
+        raise InputError(data, "no area with a number", known, remedy)
     return folds

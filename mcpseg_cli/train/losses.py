@@ -1,4 +1,4 @@
-"""What networks are trained to make small (III-D): class, triplet and similarity losses over one batch.
+"""What networks are trained to make small (III-D): losses over one batch.
 
 Points whose class is unknown (255) count in no class loss. Points without an object (id 0) would
 count as one object in the others: leave them out before.
@@ -71,7 +71,10 @@ def triplet_semihard_loss(
 
 
 def _positives(labels: Tensor) -> tuple[Tensor, Tensor]:
-    """List (N, P) int64 the points of each point's object, P the largest object's, and which entries are pairs."""
+    """List (N, P) int64 the points of each point's object, and which entries are pairs.
+
+    P is the size of the largest object.
+    """
     itself = torch.arange(len(labels), device=labels.device)[:, None]
     sorted_labels, order = labels.sort()
     start, end = (
@@ -83,7 +86,7 @@ def _positives(labels: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _semihard_negatives(distance: Tensor, labels: Tensor, positive: Tensor) -> Tensor:
-    """Choose (N, P) int64 the negative of every pair; by sorting, as there are N x N x N triplets."""
+    """Choose (N, P) int64 the negative of every pair; sorted, as there are N x N x N triplets."""
     same = labels[:, None] == labels[None]
     negatives = distance.masked_fill(same, torch.inf)
     index = _argsort(negatives)
@@ -111,7 +114,9 @@ def sgpn_double_hinge_loss(
     alpha: float = _ALPHA,
     margins: tuple[float, float] = _MARGINS,
 ) -> Tensor:
-    """Compute SGPN's loss on its similarity matrix, ten times the squared distances (Wang et al. 2018, equations 2, 3).
+    """Compute SGPN's loss on its similarity matrix (Wang et al. 2018, equations 2, 3).
+
+    The matrix is ten times the squared distances.
 
     Args:
         features: (N, E) float similarity features, not normalised, from ``SGPN.branches``.
@@ -134,7 +139,9 @@ def sgpn_double_hinge_loss(
 def sgpn_confidence_loss(
     confidence: Tensor, features: Tensor, instance: Tensor, *, threshold: float = _MARGINS[0]
 ) -> Tensor:
-    """Compute the squared error of SGPN's confidence: the overlap (IoU) of each point's group with its object.
+    """Compute the squared error of SGPN's confidence.
+
+    It expects the overlap (IoU) of each point's group with its object.
 
     Args:
         confidence: (N,) float from ``SGPN.branches``.

@@ -25,6 +25,7 @@ def ahead(items: Iterable[T], count: int) -> Iterator[Iterator[T]]:
     queue: Queue[tuple[T] | BaseException | None] = Queue(count)
     is_over = Event()
 
+    # the thread waits for room, but not after the caller has gone
     def put(entry: tuple[T] | BaseException | None) -> None:
         while not is_over.is_set():
             try:
@@ -43,6 +44,7 @@ def ahead(items: Iterable[T], count: int) -> Iterator[Iterator[T]]:
         except BaseException as error:  # handed to the caller, who raises it
             put(error)
 
+    # leaving the context ends it, however that happens
     thread = Thread(target=draw, name="draw-ahead", daemon=True)
     thread.start()
     try:

@@ -1,4 +1,4 @@
-"""Replay of a ray-traced area: every scan exactly as segmentation sees it, with the truth about its voxels."""
+"""Replay of a ray-traced area: every scan as segmentation sees it, with the truth about it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,10 @@ class Replay:
 
     @property
     def semantic(self) -> NDArray[np.uint8]:
-        """(V,) uint8 class of the point that founded each voxel, 255 unknown. A view, valid until the next scan."""
+        """(V,) uint8 class of the point that founded each voxel, 255 unknown.
+
+        A view, valid until the next scan.
+        """
         return self._semantic.rows
 
     @property
@@ -101,6 +104,8 @@ class Replay:
         truth = read_cloud(path)
         if not truth.classes:
             raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
+
+        # the same points as the scan's, in the classes of the scans before
         if not all(np.array_equal(truth.columns[axis], cloud.columns[axis]) for axis in "xyz"):
             raise InputError(
                 path, "other points than the scan's", "the same points in the same order", _REMEDY

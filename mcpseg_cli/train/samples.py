@@ -1,4 +1,4 @@
-"""The training samples of ray-traced areas, each area's in one HDF5 file that is made once and then streamed."""
+"""The training samples of ray-traced areas: one HDF5 file each, made once and then streamed."""
 
 from __future__ import annotations
 
@@ -24,26 +24,22 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _BLOCK = 1 << 15  # samples kept in memory before they are written: 7 MB
 _CHUNK_BYTES = 1 << 16
 _VERIFIED_BYTES = 1 << 22  # read at once to verify a file
-_DAMAGE = (
-    OSError,
-    RuntimeError,
-    KeyError,
-    ValueError,
-    TypeError,
-    MemoryError,
-)  # what h5py raises on damaged files
+# what h5py raises on damaged files
+_DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError)
 _VOXELS: dict[str, tuple[str, tuple[int, ...]]] = {
     "xyz": ("<f4", (3,)), "rgb": ("|u1", (3,)), "semantic": ("|u1", ()), "instance": ("<i4", ()),
 }  # fmt: skip
 _STREAMS = ("voxel", "context", "seen")
 _SCANS = ("position", "floor", "num_new", "starts", "seen_starts")
 
-Progress = Callable[[int, int], None]
-"""Called with the scans done and their number."""
+ScanProgress = Callable[[int, int], None]
+"""Called with the scans of an area that are done, and their number."""
 
 
 class AreaSamples:
-    """The samples of one area, read scan by scan; safe to use from several threads, forked and spawned processes.
+    """The samples of one area, read scan by scan.
+
+    Safe to use from several threads, and in forked and spawned processes.
 
     Args:
         path: A file that ``prepare_samples`` wrote.
@@ -69,6 +65,7 @@ class AreaSamples:
         self.path = path
         with path.open("rb"):  # h5py's own messages for a missing or unreadable file say little
             pass
+
         try:
             self._open_file = _open(path)
             self._opened_by = os.getpid()
@@ -99,17 +96,23 @@ class AreaSamples:
         )  # fmt: skip
 
     def voxels(self, first: int, last: int) -> NDArray[np.int32]:
-        """Read (S,) int32: the voxel of every sample of the scans from ``first`` up to, not including, ``last``."""
+        """Read (S,) int32 the voxel of every sample of the scans from ``first`` up to ``last``.
+
+        ``last`` itself is not among them.
+        """
         voxels: NDArray[np.int32] = self._file()["voxel"][self.starts[first] : self.starts[last]]
         return voxels
 
     def _read_tables(self, file: h5py.File) -> None:
         """Read what does not grow with the samples and map the table of voxels."""
+        # what it is
         if file.attrs.get("format") != _FORMAT.encode():
             raise ValueError(f"not of the format {_FORMAT!r}")
         self.name = file.attrs["name"].decode()
         self.fingerprint: bytes = file.attrs["fingerprint"]
         self.classes: tuple[str, ...] = tuple(json.loads(file.attrs["classes"]))
+
+        # scans, then voxels
         self._position, self._floor, self._num_new, self.starts, self._seen_starts = (
             file[key][...] for key in _SCANS
         )
@@ -120,7 +123,7 @@ class AreaSamples:
         self.instance = self._mapped(file["instance"], np.int32)
 
     def _mapped(self, dataset: h5py.Dataset, dtype: type[ScalarT]) -> NDArray[ScalarT]:
-        """Map a table into memory: rows picked here and there cost no call of HDF5 and no copy of the whole."""
+        """Map a table into memory: rows picked here and there cost no call of HDF5 and no copy."""
         table: NDArray[ScalarT] = np.memmap(
             self.path, dtype, "r", dataset.id.get_offset(), dataset.shape
         )
@@ -142,9 +145,9 @@ def prepare_samples(
     area: Path,
     settings: SampleSettings,
     cache: Path | None = None,
-    progress: Progress | None = None,
+    progress: ScanProgress | None = None,
 ) -> AreaSamples:
-    """Open the samples of an area; replay the area and write them first unless a valid file is there.
+    """Open the samples of an area; first replay it and write them, unless a valid file is there.
 
     A file is valid for the same scans, poses, truth and settings, if undamaged. Several processes
     may prepare areas, even the same one, at the same time.
@@ -164,6 +167,8 @@ def prepare_samples(
     fingerprint = area_fingerprint(area, settings)
     if _is_valid(path, fingerprint):
         return AreaSamples(path)
+
+    # the file appears under its name only when it is whole
     replay = Replay(area, settings)
     with steady_file(path) as stream:
         with h5py.File(stream, "w") as file:
@@ -172,28 +177,32 @@ def prepare_samples(
                 raise InputError(
                     area, "no point near the robot", "points within local_range", "check the poses"
                 )
-            file.attrs["format"], file.attrs["fingerprint"] = (
-                np.bytes_(_FORMAT),
-                np.bytes_(fingerprint),
-            )
-            file.attrs["name"] = np.bytes_(area.resolve().name.encode(errors="replace"))
-            file.attrs["classes"] = np.bytes_(json.dumps(replay.classes).encode())
-            file.attrs["settings"] = np.bytes_(settings.model_dump_json().encode())
+            facts = {
+                "format": _FORMAT,
+                "fingerprint": fingerprint,
+                "name": area.resolve().name,
+                "classes": json.dumps(replay.classes),
+                "settings": settings.model_dump_json(),
+            }
+            for name, fact in facts.items():
+                file.attrs[name] = np.bytes_(fact.encode(errors="replace"))
         stream.check()
     return AreaSamples(path)
 
 
 def area_fingerprint(area: Path, settings: SampleSettings) -> str:
-    """Return a hash of what decides the samples: records, poses, settings; names, sizes and times of scans and truth.
+    """Return a hash of what decides the samples.
+
+    Records, poses and settings; names, sizes and times of scans and truth.
 
     Raises:
         InputError: The area is not complete.
         OSError: A file cannot be read.
     """
     digest = hashlib.blake2b(f"{_FORMAT}\n{settings.model_dump_json()}\n".encode(), digest_size=16)
-    record = area / "raytrace.json"
-    digest.update(record.read_bytes() if record.is_file() else b"")
-    digest.update((area / "poses.csv").read_bytes() if (area / "poses.csv").is_file() else b"")
+    for record in (area / "raytrace.json", area / "poses.csv"):
+        digest.update(record.read_bytes() if record.is_file() else b"")
+
     for source in list_scans(area):
         for path in (source.path, area / "gt" / source.path.name):
             facts = path.stat()
@@ -203,13 +212,17 @@ def area_fingerprint(area: Path, settings: SampleSettings) -> str:
     return digest.hexdigest()
 
 
-def _write(file: h5py.File, stream: SteadyFile, replay: Replay, progress: Progress | None) -> None:
+def _write(
+    file: h5py.File, stream: SteadyFile, replay: Replay, progress: ScanProgress | None
+) -> None:
     """Replay an area into a file, a block of samples at a time."""
+    # one growing table for each stream
     num_context = replay.settings.num_context
     for name, width in (("voxel", ()), ("context", (num_context,)), ("seen", ())):
         chunk = (max(_CHUNK_BYTES // (4 * (width[0] if width else 1)), 1), *width)
         file.create_dataset(name, (0, *width), "<i4", maxshape=(None, *width), chunks=chunk)
     checksums = dict.fromkeys(_STREAMS, 0)
+
     scans: list[tuple[NDArray[np.float64], float, int, int, int]] = []
     block: list[ScanSamples] = []
     for done, scan in enumerate(replay.run(), start=1):
@@ -223,6 +236,8 @@ def _write(file: h5py.File, stream: SteadyFile, replay: Replay, progress: Progre
             stream.check()
         if progress is not None:
             progress(done, len(replay.scans))
+
+    # tables that are read whole, and what all must sum to
     _write_tables(file, replay, scans)
     for name in (*_VOXELS, *_SCANS):
         checksums[name] = zlib.crc32(np.ascontiguousarray(file[name][...]).data)
@@ -241,6 +256,7 @@ def _write_tables(
     file: h5py.File, replay: Replay, scans: list[tuple[NDArray[np.float64], float, int, int, int]]
 ) -> None:
     """Write the table of voxels and that of scans."""
+    # lists of scans as columns; where each scan starts
     position, floor, num_new, sizes, seen = zip(*scans, strict=True)
     tables: dict[str, NDArray[np.generic]] = {
         "xyz": replay.map.xyz,
@@ -253,6 +269,7 @@ def _write_tables(
         "starts": np.cumsum([0, *sizes], dtype="<i8"),
         "seen_starts": np.cumsum([0, *seen], dtype="<i8"),
     }
+
     for name, table in tables.items():
         file.create_dataset(name, data=table.astype(_VOXELS[name][0]) if name in _VOXELS else table)
 
@@ -265,16 +282,20 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
     """
     if not path.exists():
         return False
+
+    # a user's file of another kind is not replaced
     with path.open("rb") as raw:
         if raw.read(len(_SIGNATURE)) not in (_SIGNATURE, b""):
             raise OutputError(
                 f"{path}: not a file of training samples; expected one or none; choose another name"
             )
+
     try:
         with _open(path) as file:
             if not file.attrs.get("format", b"").startswith(b"mcpseg samples"):
                 raise OutputError(
-                    f"{path}: HDF5 of something else; expected training samples; choose another name"
+                    f"{path}: HDF5 of something else; expected training samples; "
+                    "choose another name"
                 )
             if file.attrs["fingerprint"] != fingerprint.encode():
                 return False

@@ -22,7 +22,8 @@ def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> f
         settings: Peak, warm-up and schedule.
 
     Returns:
-        The peak; less during the warm-up, which is linear; a half cosine down to 0 after it, if that is the schedule.
+        The peak; less during the warm-up, which is linear; a half cosine down to 0 after it, if
+        that is the schedule.
     """
     warm_up = settings.warm_up * steps_per_epoch
     if step < warm_up:
@@ -34,7 +35,9 @@ def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> f
 
 
 def balance(batches: Batches, num_classes: int, max_batches: int = 200) -> Tensor:
-    """Weight classes by the inverse root of how often they occur, so that the weighted mean of the weights is 1.
+    """Weight classes by the inverse root of how often they occur.
+
+    The mean of the weights, by how often classes occur, is 1.
 
     Args:
         batches: To count in: the first ``max_batches`` of epoch 0.

@@ -6,9 +6,7 @@ import torch
 from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
-from mcpseg_cli.train.losses import (
-    UNKNOWN_CLASS,
-)
+from mcpseg_cli.train.losses import UNKNOWN_CLASS
 from mcpseg_cli.train.objective import Outcome, TensorBatch
 
 _LOSSES = 3  # class, instance, confidence
@@ -23,8 +21,8 @@ class Scores(BaseModel):
         instance_loss: Triplet loss, or SGPN's double hinge; 0 for a network without embedding.
         accuracy: Share of points of known class that are classified right.
         miou: Mean intersection over union of the classes that occur; None where no class is known.
-        embedding_accuracy: Share of points whose nearest neighbour in embedding space, in their batch, is of their
-            object; None for a network without embedding.
+        embedding_accuracy: Share of points whose nearest neighbour in embedding space, in their
+            batch, is of their object; None for a network without embedding.
         iou: Of each class; None for one that does not occur.
     """
 
@@ -49,10 +47,10 @@ class Tally:
 
     def __init__(self, num_classes: int, device: torch.device) -> None:
         self.num_classes = num_classes
-        # total loss, losses, batches, points near their object, points that have one; then the confusion matrix
-        self.sums = torch.zeros(
-            1 + _LOSSES + 3 + num_classes * (num_classes + 1), dtype=torch.float64, device=device
-        )
+        # total loss, losses, batches, points near their object, points that have one; then the
+        # confusion matrix
+        size = 1 + _LOSSES + 3 + num_classes * (num_classes + 1)
+        self.sums = torch.zeros(size, dtype=torch.float64, device=device)
 
     @torch.no_grad()
     def add(self, outcome: Outcome, total: Tensor, batch: TensorBatch) -> None:
@@ -61,6 +59,8 @@ class Tally:
         sums[0] += total.detach()
         sums[1 : 1 + _LOSSES] += outcome.losses.detach()
         sums[1 + _LOSSES] += 1
+
+        # points whose neighbour in embedding space is of their object
         if outcome.embedding is not None:
             has_object = batch.instance > 0
             right = nearest_is_of_same_object(
@@ -68,6 +68,8 @@ class Tally:
             )
             sums[2 + _LOSSES] += right.sum()
             sums[3 + _LOSSES] += len(right)
+
+        # true and predicted class; the last row is of unknown ones
         row = batch.semantic.masked_fill(batch.semantic == UNKNOWN_CLASS, classes)
         cell = row * classes + outcome.logits.detach().argmax(dim=-1)
         sums[4 + _LOSSES :].scatter_add_(0, cell, torch.ones_like(cell, dtype=sums.dtype))
@@ -77,12 +79,13 @@ class Tally:
         sums = self.sums.cpu()
         batches, near, objects = sums[1 + _LOSSES : 4 + _LOSSES].tolist()
         losses = (sums[: 1 + _LOSSES] / max(batches, 1)).tolist()
-        confusion = sums[4 + _LOSSES :].view(-1, self.num_classes)[
-            :-1
-        ]  # true class, predicted class
+
+        # IoU of the classes that occur
+        confusion = sums[4 + _LOSSES :].view(-1, self.num_classes)[:-1]  # true, predicted
         right, true, predicted = confusion.diagonal(), confusion.sum(dim=1), confusion.sum(dim=0)
         iou = (right / (true + predicted - right)).tolist()
         present = [index for index, count in enumerate(true.tolist()) if count]
+
         return Scores(
             loss=losses[0],
             class_loss=losses[1],

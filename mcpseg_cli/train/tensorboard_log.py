@@ -25,11 +25,9 @@ class TensorBoardLog:
         try:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError as error:
+            remedy = "pip install 'mcpseg[tensorboard]'"
             raise InputError(
-                "--tensorboard",
-                "TensorBoard is not installed",
-                "it",
-                "pip install 'mcpseg[tensorboard]'",
+                "--tensorboard", "TensorBoard is not installed", "it", remedy
             ) from error
         self._writer = SummaryWriter(str(folder), purge_step=first_epoch)
 
@@ -48,15 +46,9 @@ class TensorBoardLog:
         """Log one epoch."""
         self._writer.add_scalar("learning_rate", report.learning_rate, report.epoch)
         for name, scores in (("training", report.train), ("held out", report.validation)):
-            for key in (
-                "loss",
-                "class_loss",
-                "instance_loss",
-                "accuracy",
-                "miou",
-                "embedding_accuracy",
-            ):
-                value = None if scores is None else getattr(scores, key)
-                if value is not None:
-                    self._writer.add_scalar(f"{key}/{name}", value, report.epoch)
+            figures = (
+                {} if scores is None else scores.model_dump(exclude_none=True, exclude={"iou"})
+            )
+            for key, value in figures.items():
+                self._writer.add_scalar(f"{key}/{name}", value, report.epoch)
         self._writer.flush()

@@ -1,4 +1,7 @@
-"""The training loop (III-D): batches, losses, Adam, validation. ``Trainer.run`` is the part to read first."""
+"""The training loop (III-D): batches, losses, Adam, validation.
+
+``Trainer.run`` is the part to read first.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ _BATCHES_AHEAD = 4
 
 @contextmanager
 def _in_memory() -> Iterator[None]:
-    """Say in one line that memory does not suffice; torch says so in many, and on the processor as any other error."""
+    """Say in one line that memory does not suffice.
+
+    Torch says so in many, and on the processor as any other error.
+    """
     try:
         yield
     except (RuntimeError, MemoryError) as error:
@@ -74,13 +80,16 @@ class Trainer:
         self.best = 0
         self._best_network: dict[str, Tensor] = {}
         self._training, self._validation = training, validation
+
         self._parameters = list(network.parameters())
         self._device = self._parameters[0].device
         self._objective = Objective(settings, class_weights, self._device)
+
         # with a weight decay of 0, AdamW is Adam (III-D)
         self._optimiser = torch.optim.AdamW(
             self._parameters, weight_decay=settings.weight_decay, fused=True
         )
+
         self._step = 0  # of the epoch at hand
         self._tally = Tally(num_classes, self._device)
         self._check()
@@ -91,18 +100,17 @@ class Trainer:
             raise TrainingError(
                 f"{len(self._training)} batches; expected enough for a step; give more scans"
             )
-        if self._validation is not None and self._num_validation_batches == 0:
+        if self._validation is not None and self._num_scored(self._validation) == 0:
             raise TrainingError(
-                f"fewer held-out batches than the {self.ranks.world} processes; expected one for each; "
-                "hold out more scans, raise --validation-batches or start fewer processes"
+                f"fewer held-out batches than the {self.ranks.world} processes; "
+                "expected one for each; "
+                "hold out more scans, raise validation_batches or start fewer processes"
             )
 
-    @property
-    def _num_validation_batches(self) -> int:
-        """Held-out batches that this process scores."""
-        assert self._validation is not None
-        most = self.settings.validation_batches or len(self._validation)
-        return min(len(self._validation), most) // self.ranks.world
+    def _num_scored(self, validation: Batches) -> int:
+        """Count the held-out batches that this process scores."""
+        most = self.settings.validation_batches or len(validation)
+        return min(len(validation), most) // self.ranks.world
 
     @property
     def num_steps(self) -> int:
@@ -141,6 +149,8 @@ class Trainer:
         """
         while not self.is_finished:
             started = perf_counter()
+
+            # a step of Adam for the batch of every scan
             for batches in self._steps_left():
                 self._learn(batches)
                 self._step += 1
@@ -149,11 +159,14 @@ class Trainer:
                     yield self._progress(self._tally.scores())
                 if stop:
                     return
-            is_due = self._validation is not None and self._is_validation_due()
-            validation = self._validate(should_stop) if is_due else None
-            if is_due and validation is None:
-                return
-            yield self._end_epoch(validation, started)
+
+            # held-out areas say which epoch's weights are the best
+            scores = None
+            if self._validation is not None and self._is_validation_due():
+                scores = self._validate(self._validation, should_stop)
+                if scores is None:  # asked to stop
+                    return
+            yield self._end_epoch(scores, started)
 
     def _steps_left(self) -> Iterator[list[TensorBatch]]:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
@@ -168,9 +181,12 @@ class Trainer:
     @_in_memory()
     def _learn(self, batches: Sequence[TensorBatch]) -> None:
         """Change the parameters a little, by the mean gradient of some batches."""
+        # learning rate of this step
         epoch, settings = len(self.curves), self.settings
         rate = learning_rate(self.num_steps_done, self.num_steps, settings)
         self._optimiser.param_groups[0]["lr"] = rate
+
+        # class and instance loss of each batch, and their gradient
         self._optimiser.zero_grad(set_to_none=True)
         self.network.train()
         for index, batch in enumerate(batches):
@@ -180,6 +196,8 @@ class Trainer:
             total = self._objective.total(outcome)
             (total / len(batches)).backward()  # type: ignore[no-untyped-call]
             self._tally.add(outcome, total, batch)
+
+        # one step of Adam, the same in all processes
         self.ranks.average_gradients(self._parameters)
         if settings.max_gradient is not None:
             torch.nn.utils.clip_grad_norm_(self._parameters, settings.max_gradient)
@@ -191,25 +209,28 @@ class Trainer:
 
     @_in_memory()
     @torch.no_grad()
-    def _validate(self, should_stop: Callable[[], bool]) -> Scores | None:
+    def _validate(self, validation: Batches, should_stop: Callable[[], bool]) -> Scores | None:
         """Score the held-out batches, the same ones every time; None when asked to stop."""
-        assert self._validation is not None
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
-        source = self._validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
-        with ahead(
-            map(to_tensors, islice(source, self._num_validation_batches)), _BATCHES_AHEAD
-        ) as batches:
-            for batch in (move_batch(batch, self._device) for batch in batches):
+        source = validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
+        drawn = map(to_tensors, islice(source, self._num_scored(validation)))
+
+        with ahead(drawn, _BATCHES_AHEAD) as batches:
+            for drawn_batch in batches:
+                batch = move_batch(drawn_batch, self._device)
                 outcome = self._objective.evaluate(self.network, batch)
                 tally.add(outcome, self._objective.total(outcome), batch)
                 if self.ranks.any(should_stop(), self._device):
                     return None
+
+        # means over the shares of all processes
         self.ranks.sum(tally.sums)
         return tally.scores()
 
     def _end_epoch(self, validation: Scores | None, started: float) -> Progress:
         """Record an epoch and keep its weights where they are the best."""
+        # means over all processes
         self.ranks.sum(self._tally.sums)
         scores = self._tally.scores()
         report = EpochReport(
@@ -219,11 +240,15 @@ class Trainer:
             train=scores,
             validation=validation,
         )
-        if validation is not None and (self.best == 0 or self._is_better(validation)):
+
+        # the best weights so far
+        if validation is not None and self._is_better(validation):
             self.best = report.epoch
             self._best_network = {
                 name: tensor.clone() for name, tensor in self.network.state_dict().items()
             }
+
+        # on to the next epoch
         progress = self._progress(scores, report)
         self.curves.append(report)
         self._step = 0
@@ -232,8 +257,9 @@ class Trainer:
 
     def _is_better(self, validation: Scores) -> bool:
         """Compare with the best epoch so far; the earlier of equals stays."""
-        best = self.curves[self.best - 1].validation
-        assert best is not None
+        best = self.curves[self.best - 1].validation if self.best else None
+        if best is None:
+            return True
         if self.settings.best_by == "loss":
             return validation.loss < best.loss
         return (validation.miou or 0.0) > (best.miou or 0.0)
@@ -241,8 +267,8 @@ class Trainer:
     def _progress(self, scores: Scores, finished: EpochReport | None = None) -> Progress:
         if not math.isfinite(scores.loss):
             raise TrainingError(
-                f"epoch {len(self.curves) + 1}: the loss is {scores.loss}; expected a number; lower --lr; "
-                "the last checkpoint is from before"
+                f"epoch {len(self.curves) + 1}: the loss is {scores.loss}; expected a number; "
+                "lower --lr; the last checkpoint is from before"
             )
         return Progress(len(self.curves) + 1, self._step, self.num_steps, scores, finished)
 
@@ -251,19 +277,22 @@ class Trainer:
         return self._best_network or self.network.state_dict()
 
     def state(self) -> TrainState:
-        """Return all that changes; its tensors are those in use, to be saved before training goes on."""
+        """Return all that changes; its tensors are in use: save them before training goes on."""
+        # Adam's moments by number of the parameter and name
         moments = self._optimiser.state_dict()["state"]
+        optimiser = {
+            f"{index}.{name}": tensor
+            for index in moments
+            for name, tensor in moments[index].items()
+        }
+
         return TrainState(
             step=self._step,
             curves=tuple(self.curves),
             best=self.best,
             network=self.network.state_dict(),
             best_network=self._best_network,
-            optimiser={
-                f"{index}.{name}": tensor
-                for index in moments
-                for name, tensor in moments[index].items()
-            },
+            optimiser=optimiser,
             sums=self._tally.sums,
         )
 
@@ -274,12 +303,15 @@ class Trainer:
         self._best_network = {
             name: tensor.to(self._device) for name, tensor in state.best_network.items()
         }
+
+        # Adam's moments
         moments: dict[int, dict[str, Tensor]] = {}
         for key, tensor in state.optimiser.items():
             index, _, name = key.partition(".")
             moments.setdefault(int(index), {})[name] = tensor
         groups = self._optimiser.state_dict()["param_groups"]
         self._optimiser.load_state_dict({"state": moments, "param_groups": groups})
+
         # other processes count their own share of the epoch anew
         self._tally.sums = (
             state.sums.to(self._device)
@@ -290,7 +322,10 @@ class Trainer:
 
 @contextmanager
 def _drop_out_by(seed: int, epoch: int, position: int, *, device: torch.device) -> Iterator[None]:
-    """Draw drop-out from the batch's own key, so that a resumed run and any number of processes draw the same."""
+    """Draw drop-out from the batch's own key.
+
+    So a resumed run and any number of processes draw the same.
+    """
     key = int(np.random.SeedSequence((seed, epoch, position)).generate_state(1, np.uint64)[0] >> 1)
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(key)

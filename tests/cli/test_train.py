@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,11 +17,18 @@ from typer.testing import CliRunner
 
 from mcpseg_cli.cli import app
 from mcpseg_cli.cli.interrupt import Interrupt
-from mcpseg_cli.config import SegmentSettings
+from mcpseg_cli.config import (
+    AugmentSettings,
+    SampleSettings,
+    SegmentSettings,
+    TrainSettings,
+    option_of,
+)
 from mcpseg_cli.formats.recording import open_recording, read_scan
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.resumable import exclusive
+from mcpseg_cli.train.folder import TrainRecord
 from tests.areas import CLASSES, write_area
 
 SMALL = ("--batch-size", "64", "--context", "8", "--seed", "3")
@@ -48,6 +56,11 @@ def invoke(*arguments: object):
 
 def arguments(data: Path, output: Path, *options: object) -> list[str]:
     return [str(word) for word in (data, "--holdout", "2", *SMALL, "-o", output, *options)]
+
+
+def write_config(folder: Path, text: str) -> Path:
+    (folder / "settings.toml").write_text(text)
+    return folder / "settings.toml"
 
 
 def start(words: list[str], stderr=None) -> subprocess.Popen:
@@ -79,7 +92,7 @@ def test_loss_falls_and_the_files_are_there(trained):
     assert losses[-1] < losses[0]
     assert record["complete"]
     assert sorted(path.name for path in trained.iterdir()) == [
-        f"mcpnet-holdout2.{end}" for end in ("json", "md", "safetensors")
+        f"mcpnet-holdout2.{end}" for end in ("json", "md", "safetensors", "toml")
     ]
 
 
@@ -154,21 +167,12 @@ def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypa
 def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
     options = ("--epochs", "3", "--net", "pointnet", "-q")
     words = arguments(data, tmp_path / "two", *options)
-    launch = [
-        "-m",
-        "torch.distributed.run",
-        "--standalone",
-        "--nproc-per-node",
-        "2",
-        "-m",
-        "mcpseg_cli",
-        "train",
-    ]
+    launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    launch += ["-m", "mcpseg_cli", "train"]
     subprocess.run([sys.executable, *launch, *words], check=True, capture_output=True, timeout=120)
-    assert (
-        invoke(*arguments(data, tmp_path / "one", *options, "--batches-per-step", "2")).exit_code
-        == 0
-    )
+    config = write_config(tmp_path, "[train]\nbatches_per_step = 2\n")
+    result = invoke(*arguments(data, tmp_path / "one", *options, "--config", config))
+    assert result.exit_code == 0, result.stderr
     one, two = (
         load_file(tmp_path / part / "pointnet-holdout2.safetensors") for part in ("one", "two")
     )
@@ -183,36 +187,12 @@ def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_pa
 
 
 def test_json_is_one_document_and_folds_are_a_list(data, tmp_path):
-    result = invoke(
-        data,
-        "--holdout",
-        "all",
-        *SMALL,
-        "-o",
-        tmp_path,
-        "--net",
-        "voxnet",
-        "--epochs",
-        "1",
-        "--json",
-        "-q",
-    )
+    words = (data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1")
+    result = invoke(*words, "--json", "-q")
     document = json.loads(result.stdout)
     assert [record["holdout"] for record in document] == [1, 2]
     assert {path.stem for path in tmp_path.iterdir()} == {"voxnet-holdout1", "voxnet-holdout2"}
-    again = invoke(
-        data,
-        "--holdout",
-        "all",
-        *SMALL,
-        "-o",
-        tmp_path,
-        "--net",
-        "voxnet",
-        "--epochs",
-        "1",
-        "--resume",
-    )
+    again = invoke(*words, "--resume")
     assert again.stderr.count("nothing to do") == 2
 
 
@@ -236,17 +216,8 @@ def test_paths_that_are_no_utf8_are_written_as_escapes(tmp_path):
     words = [
         os.fsencode(word) for word in (str(folder), "--holdout", "none", *SMALL, "-o", str(output))
     ]
-    command = [
-        sys.executable,
-        "-m",
-        "mcpseg_cli",
-        "train",
-        *words,
-        "--name",
-        b"a\xfd",
-        "--epochs",
-        "1",
-    ]
+    command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
+    command += ["--name", b"a\xfd", "--epochs", "1"]
     result = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
     )
@@ -264,20 +235,8 @@ def test_fine_tuning_for_other_classes(data, trained, tmp_path):
     table = tmp_path / "classes.csv"
     table.write_text("label,class\nfloor,ground\nwall,wall\n")
     first = trained / "mcpnet-holdout2.safetensors"
-    words = (
-        data,
-        "--holdout",
-        "none",
-        "--batch-size",
-        "64",
-        "--init",
-        first,
-        "--classes",
-        table,
-        "--epochs",
-        "1",
-    )
-    result = invoke(*words, "-o", tmp_path / "out")
+    words = (data, "--holdout", "none", "--batch-size", "64", "-w", first, "--classes", table)
+    result = invoke(*words, "--epochs", "1", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     assert "classes that start afresh: ground" in result.stderr
     info = load_weights(tmp_path / "out" / "mcpnet-all.safetensors").info
@@ -295,10 +254,11 @@ def test_what_is_there_is_not_overwritten_unasked(data, trained):
 def test_what_is_there_stays_until_training_can_start(what, data, trained, tmp_path):
     table = tmp_path / "classes.csv"
     table.write_text("cow,cattle\nhorse,cattle\nsheep,flock\n")
+    config = write_config(tmp_path, "[train]\nbatches_per_step = 99\n")
     options = {
-        "another network": ("--init", "voxnet"),
+        "another network": ("--weights", "voxnet"),
         "another class table": ("--classes", table),
-        "too few batches": ("--batches-per-step", "99"),
+        "too few batches": ("--config", config),
     }[what]
     output = tmp_path / "out"
     shutil.copytree(trained, output)
@@ -324,6 +284,68 @@ def test_changed_settings_are_named_when_resuming(data, trained):
     assert len(result.stderr.splitlines()) == 1
 
 
+RARE = """
+[train]
+warm_up = 0.5
+class_balance = "sqrt"
+batches_per_epoch = 4
+validation_batches = 2
+epochs = 50
+
+[samples]
+seen_again = 30
+floor = 0
+
+[augment]
+grey = 0.75
+context_dropout = 0
+
+[classes]
+floor = "ground"
+wall = "building"
+lamp = "-"
+"a \\"tab\\"\\t" = "Möbel"
+"""
+
+
+def test_the_settings_written_beside_the_weights_give_the_same_training(data, tmp_path):
+    config = write_config(tmp_path, RARE)
+    words = (data, "--holdout", "2", "-q")
+    result = invoke(*words, *SMALL, "--epochs", "2", "--config", config, "-o", tmp_path / "one")
+    assert result.exit_code == 0, result.stderr
+    written = tmp_path / "one" / "mcpnet-holdout2.toml"
+    result = invoke(*words, "--config", written, "-o", tmp_path / "two")
+    assert result.exit_code == 0, result.stderr
+    one, two = (tmp_path / part / "mcpnet-holdout2.json" for part in ("one", "two"))
+    first, second = (TrainRecord.model_validate_json(path.read_bytes()) for path in (one, two))
+    assert first.identity == second.identity
+    assert first.sha256 == second.sha256
+    assert written.read_text() == (tmp_path / "two" / "mcpnet-holdout2.toml").read_text()
+
+
+def test_options_win_over_the_settings_file(data, tmp_path):
+    config = write_config(tmp_path, RARE)
+    words = ("--epochs", "1", "--augment", "none", "--range", "1.5", "--config", config)
+    result = invoke(data, "--holdout", "2", *SMALL, *words, "-o", tmp_path / "out", "-q")
+    assert result.exit_code == 0, result.stderr
+    record = (tmp_path / "out" / "mcpnet-holdout2.json").read_bytes()
+    identity = TrainRecord.model_validate_json(record).identity
+    assert identity.settings.epochs == 1
+    assert identity.settings.warm_up == 0.5
+    assert identity.augmentation == AugmentSettings.off()
+    assert (identity.samples.local_range, identity.samples.floor) == (1.5, 0.0)
+    assert identity.classes == ("ground", "building", "Möbel")
+
+
+def test_a_bad_settings_file_is_one_line_that_names_it(data, tmp_path):
+    config = write_config(tmp_path, "[train]\nepoch = 3\n")
+    result = invoke(*arguments(data, tmp_path / "out", "--config", config))
+    assert result.exit_code == 1
+    assert "settings.toml: unknown [train] epoch; expected some of architecture" in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_second_process_is_refused(data, tmp_path):
     with exclusive(tmp_path, "mcpnet-holdout2.lock"):
         result = invoke(*arguments(data, tmp_path))
@@ -336,11 +358,11 @@ def test_a_second_process_is_refused(data, tmp_path):
     [
         (("--holdout", "6"), "no area of number 6; expected one of 1, 2"),
         (("--holdout", "six"), "--holdout six: not a number; expected one of 1, 2, all or none"),
-        (("--init", "nothing.safetensors"), "nothing.safetensors: No such file"),
-        (("--init", "mcpnet", "--net", "voxnet"), "--init mcpnet: mcpnet; expected voxnet"),
+        (("-w", "nothing.safetensors"), "nothing.safetensors: No such file"),
+        (("-w", "mcpnet", "--net", "voxnet"), "--weights mcpnet: mcpnet; expected voxnet"),
         (("--device", "cuda:77"), "--device cuda:77: not available here"),
         (("--classes", "absent.csv"), "absent.csv: No such file"),
-        (("--augment", "absent.json"), "absent.json: No such file"),
+        (("--config", "absent.toml"), "absent.toml: No such file"),
     ],
 )
 def test_bad_input_is_one_line(options, words, data, tmp_path):
@@ -362,11 +384,37 @@ def test_bad_data_is_one_line(tmp_path):
     assert "Area_6: no gt; expected scans/, gt/ and poses.csv" in result.stderr
 
 
-def test_options_out_of_range_are_usage_errors(data):
-    result = invoke(data, "--lr", "-1")
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("--lr", "--lr: Input should be greater than 0"),
+        ("--range", "--range: Input should be greater than 0"),
+        ("--context", "--context: Input should be greater than or equal to 1"),
+        ("--batch-size", "--batch-size: Input should be greater than or equal to 2"),
+    ],
+)
+def test_options_out_of_range_are_usage_errors_that_name_the_option(data, option, said):
+    result = invoke(data, "--holdout", "2", option, "-1")
     assert result.exit_code == 2
-    assert "--lr: Input should be greater than 0" in result.stderr
+    assert said in " ".join(result.stderr.replace("│", " ").split())
 
 
-def test_help_has_examples():
-    assert "Examples:" in invoke("--help").stdout
+def test_help_has_examples_and_few_options():
+    text = invoke("--help").stdout
+    assert "Examples:" in text
+    options = {word for line in text.splitlines() for word in re.findall(r"^  (-[^ ,]*)", line)}
+    assert 20 < len(options) <= 25
+
+
+def test_help_says_the_defaults_that_the_settings_have():
+    settings = {name: each.default for name, each in TrainSettings.model_fields.items()}
+    settings |= {name: each.default for name, each in SampleSettings.model_fields.items()}
+    called = {option_of(name): name for name in settings}
+    told = dict.fromkeys(["architecture", "epochs", "learning_rate", "schedule", "precision"])
+    text = " ".join(invoke("--help").stdout.split())
+    for option, default in re.findall(r"(--[a-z-]+) [^[]*\[default: ([\w.-]+)\]", text):
+        name = called.get(option)
+        if name is not None and option not in ("--batch-size", "--context"):
+            assert str(settings[name]) == default
+            told.pop(name, None)
+    assert not told

@@ -19,7 +19,8 @@ from mcpseg_cli.train.augmentation import (
     hue_turn,
     replace_gone,
 )
-from mcpseg_cli.train.batches import BatchSource, prepare_samples
+from mcpseg_cli.train.batches import BatchSource
+from mcpseg_cli.train.samples import prepare_samples
 from tests.areas import CLASSES, write_area
 
 ROBOT = np.array([20.0, -7.0, 1.4])

@@ -8,13 +8,9 @@ from hypothesis import strategies as st
 from mcpseg_cli.config import AugmentSettings, SampleSettings
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.incremental.context import context_input, network_input
-from mcpseg_cli.train.batches import (
-    Batch,
-    BatchSource,
-    choose_balanced,
-    number_locally,
-    prepare_samples,
-)
+from mcpseg_cli.train.batches import Batch, BatchSource
+from mcpseg_cli.train.draws import choose_balanced, number_locally
+from mcpseg_cli.train.samples import prepare_samples
 from tests.areas import CLASSES, write_area
 
 
@@ -202,6 +198,14 @@ def test_classes_that_the_network_lacks_are_not_drawn(areas):
     batches = source(areas, classes=("table", "wall"))
     assert {int(label) for batch in batches.epoch(0) for label in batch.semantic} == {0, 1}
     assert {int(number) for batch in batches.epoch(0) for number in batch.instance} == {2, 3, 4}
+
+
+def test_a_class_table_names_labels_by_the_classes_they_mean(areas):
+    mapping = {"wall": "building", "floor": "building", "table": "table"}
+    batches = source(areas, classes=("table", "building"), mapping=mapping)
+    for batch in batches.epoch(0):
+        np.testing.assert_array_equal(batch.semantic == 0, batch.instance == 4)
+    assert {int(label) for batch in batches.epoch(0) for label in batch.semantic} == {0, 1}
 
 
 def test_areas_without_a_known_class_are_refused_in_one_line(areas):

@@ -1,4 +1,4 @@
-"""The training loop on a tiny made-up world: it learns, it stops, it goes on as if nothing had been."""
+"""The training loop on a tiny made-up world: it learns, stops, goes on as if nothing had been."""
 
 import copy
 import errno
@@ -251,7 +251,7 @@ def test_fewer_held_out_batches_than_processes_are_refused():
         TrainingError, match="fewer held-out batches than the 3 processes; expected one for each"
     ):
         make_trainer(World(6), World(2), ranks=Ranks(0, 3))
-    with pytest.raises(TrainingError, match="raise --validation-batches"):
+    with pytest.raises(TrainingError, match="raise validation_batches"):
         make_trainer(World(6), World(6), ranks=Ranks(0, 3), validation_batches=2)
 
 
@@ -269,9 +269,10 @@ def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
 
     monkeypatch.setattr(trainer._objective, "evaluate", evaluate)
     batches = [_tensors(batch) for batch in World(1).epoch(0)]
-    work = {"learn": lambda: trainer._learn(batches), "validate": lambda: trainer._validate(bool)}[
-        part
-    ]
+    work = {
+        "learn": lambda: trainer._learn(batches),
+        "validate": lambda: trainer._validate(World(2), bool),
+    }[part]
     with pytest.raises(
         TrainingError, match="out of memory; expected room for a batch; lower --batch-size"
     ):
@@ -396,6 +397,17 @@ def test_a_checkpoint_of_other_settings_is_refused_with_their_names(tmp_path):
         read_checkpoint(path, {"settings": {"learning_rate": 0.2, "seed": 1}, "classes": ["a"]})
 
 
+def test_settings_without_an_option_are_named_by_their_place_in_the_settings_file(tmp_path):
+    path = tmp_path / "a.checkpoint"
+    kept = {"settings": {"warm_up": 0.1}, "augmentation": {"grey": 0.5}, "class_table": {"a": "b"}}
+    asked = {"settings": {"warm_up": 0}, "augmentation": {"grey": 0}, "class_table": {"a": "c"}}
+    write_checkpoint(path, make_trainer().state(), kept)
+    with pytest.raises(StateError) as caught:
+        read_checkpoint(path, asked)
+    assert "[train] warm_up 0.1, now 0, and [augment] grey 0.5, now 0" in str(caught.value)
+    assert "and another class table; expected the same" in str(caught.value)
+
+
 @pytest.mark.parametrize("damage", [b"", b"\x80\x04pickle", None])
 def test_a_damaged_checkpoint_is_refused_in_one_line(damage, tmp_path):
     path = tmp_path / "a.checkpoint"
@@ -456,5 +468,7 @@ def test_fine_tuning_keeps_what_both_class_tables_name(architecture):
 def test_weights_of_another_network_are_refused():
     old = WeightsInfo(architecture="voxnet", classes=CLASSES)
     new = WeightsInfo(architecture="mcpnet", classes=CLASSES)
-    with pytest.raises(WeightsError, match=r"--init old: voxnet; expected mcpnet; .*--net voxnet"):
+    with pytest.raises(
+        WeightsError, match=r"--weights old: voxnet; expected mcpnet; .*--net voxnet"
+    ):
         adopt(build_network(new), new, Weights(build_network(old), old, "", "old"))
