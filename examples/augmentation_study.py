@@ -1,7 +1,7 @@
 """What each part of the augmentation is worth: MCPNet trained with one part left out at a time.
 
-    python examples/augmentation_study.py data/ --holdout 6 -o study/ [--batches 3000] [--recording
-    office=scans_9/]
+    python examples/augmentation_study.py data/ --holdout 6 -o study/
+    python examples/augmentation_study.py data/ -o study/ --batches 3000 --recording office=scans_9/
 
 Each network is scored on batches of the held-out area as they are, then changed as another sensor,
 light or map would change them. ``--recording`` adds folders that ``mcpseg raytrace`` wrote,
@@ -99,6 +99,8 @@ def train(
     """Train one network, unless it is there."""
     files = TrainFiles(options.output, name.replace(" ", "_").replace(",", "").replace("'", ""))
     files.check(resume=True, overwrite=False)
+
+    # as the bundled weights of MCPNet, but short
     settings = TrainSettings(
         epochs=1,
         batches_per_epoch=options.batches,
@@ -112,9 +114,9 @@ def train(
     )
     data = DataSettings(SampleSettings(), augment)
     request = TrainRequest(settings, data, fold, command=sys.argv)
-    run = TrainRun(
-        files, request, fold_data(fold, prepared, data, settings), torch.device("cpu"), Ranks()
-    )
+    sources = fold_data(fold, prepared, data, settings)
+
+    run = TrainRun(files, request, sources, torch.device("cpu"), Ranks())
     if run.record is None:
         for _ in run.run(minutes=5):
             pass
@@ -131,11 +133,18 @@ def score(
     objective = Objective(TrainSettings(precision="bf16"), None, torch.device("cpu"))
     results = {}
     for condition, changes in CONDITIONS.items():
+        # the held-out batches, changed
         augment = AugmentSettings.model_validate({**AugmentSettings.off().model_dump(), **changes})
         source = BatchSource(
-            [area], area.classes, batch_size=BATCH, with_context=True, augmentation=augment, seed=1,
+            [area],
+            area.classes,
+            batch_size=BATCH,
+            with_context=True,
+            augmentation=augment,
+            seed=1,
             samples_per_instance=0,
-        )  # fmt: skip
+        )
+
         tally = Tally(len(area.classes), torch.device("cpu"))
         for batch in map(objective.to_tensors, islice(source.epoch(0), options.validation_batches)):
             outcome = objective.evaluate(network, batch)
@@ -146,17 +155,19 @@ def score(
 
 
 def label(weights: Path, recording: Path) -> tuple[float, float]:
-    """Label a ray-traced recording online and score it: point accuracy and mIoU of the classes present."""
+    """Label a ray-traced recording online and score it.
+
+    Returns:
+        Point accuracy and mIoU of the classes present.
+    """
     mcpseg = [sys.executable, "-m", "mcpseg_cli"]
     with tempfile.TemporaryDirectory() as folder:
         scans = [str(recording / "scans"), str(recording / "poses.csv")]
-        subprocess.run(
-            [*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"],
-            check=True,
-            stdout=subprocess.DEVNULL,
-        )
-        answer = subprocess.run([*mcpseg, "eval", folder + "/out", str(recording / "gt"), "--json"],
-                                check=True, capture_output=True)  # fmt: skip
+        command = [*mcpseg, "segment", *scans, "-o", folder + "/out", "-w", str(weights), "-q"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        command = [*mcpseg, "eval", folder + "/out", str(recording / "gt"), "--json"]
+        answer = subprocess.run(command, check=True, capture_output=True)
+
     scores = json.loads(answer.stdout)
     return scores["point_accuracy"], scores["miou_present"]
 
@@ -186,11 +197,15 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
     use_threads(options.threads)
+
+    # areas, one held out
     areas = find_areas(options.data)
     [fold] = make_folds(areas, options.holdout, options.data)
     prepared = prepare(areas, DataSettings(SampleSettings(), AugmentSettings()), lambda *_: None)
     recordings = dict(entry.split("=", 1) for entry in options.recording)
     results: dict[str, dict[str, tuple[float, float]]] = {}
+
+    # a network for each part left out; figures are kept as they come
     for name, augment in variants().items():
         weights = train(name, augment, fold, prepared, options)
         results[name] = score(weights, prepared[fold.validation[0]], options)
@@ -199,11 +214,8 @@ def main() -> None:
         }
         (options.output / "study.json").write_text(json.dumps(results, indent=1) + "\n")
         (options.output / "study.md").write_text(table(results))
-        print(
-            name,
-            {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()},
-            flush=True,
-        )
+        figures = {key: round(accuracy, 3) for key, (accuracy, _) in results[name].items()}
+        print(name, figures, flush=True)
 
 
 if __name__ == "__main__":

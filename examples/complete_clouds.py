@@ -1,10 +1,11 @@
-"""Divide a ray-traced area's complete cloud into columns to train offline methods on, as ``segment --offline`` sees it.
+"""Divide a ray-traced area's complete cloud into columns to train offline methods on.
 
     python examples/complete_clouds.py data/Area_1 -o offline/Area_1
     mcpseg train offline/ --net pointnet -o trained/
 
-Every column of 1 m becomes a scan whose pose is the column's middle, at the height of the nearest
-true pose; the truth is beside it, as after ``mcpseg raytrace``.
+The cloud is as ``segment --offline`` sees it. Every column of 1 m becomes a scan whose pose is the
+column's middle, at the height of the nearest true pose; the truth is beside it, as after ``mcpseg
+raytrace``.
 """
 
 import argparse
@@ -34,10 +35,13 @@ def write_columns(area: Path, output: Path) -> int:
     Raises:
         InputError: The area is not complete or damaged.
     """
+    # the complete cloud with its truth, and where the robot was
     replay = Replay(area, SampleSettings(num_context=1, seen_again=0))
     for _ in replay.run():
         pass
     positions = np.array([scan.pose[:3, 3] for scan in replay.scans])
+
+    # every column as a scan
     for name in ("scans", "gt"):
         (output / name).mkdir(parents=True, exist_ok=True)
     lines = ["scan,x,y,z,qx,qy,qz,qw"]
@@ -52,10 +56,10 @@ def write_columns(area: Path, output: Path) -> int:
         write_cloud(output / "gt" / f"{name}.ply", Cloud(columns | truth, replay.classes))
         height = nearest_height(positions, middle)
         lines.append(f"{name},{middle[0]:.6f},{middle[1]:.6f},{height:.6f},0,0,0,1")
+
     (output / "poses.csv").write_text("\n".join(lines) + "\n")
-    (output / "raytrace.json").write_text(
-        json.dumps({"complete": True, "columns_of": str(area)}) + "\n"
-    )
+    record = json.dumps({"complete": True, "columns_of": str(area)})
+    (output / "raytrace.json").write_text(record + "\n")
     return len(lines) - 1
 
 

@@ -1,4 +1,4 @@
-"""The paper's tables and its figure 5 from the results that reproduce_paper.py collects: Markdown, CSV and PNG."""
+"""The paper's tables and figure 5, from what reproduce_paper.py collects: Markdown, CSV, PNG."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ METHODS = {
     "region-growing": Row(
         "Normal + color",
         (None, None, None, 78.5, 63.4, 25.0, *[None] * 3),
-        "Planes: the 124 cells around each new voxel are looked up and a 3 x 3 eigenproblem is solved.",
+        "Planes: the 124 cells around each new voxel are looked up and a 3 x 3 eigenproblem is "
+        "solved.",
     ),
     "pointnet": Row(
         "PointNet",
@@ -48,17 +49,20 @@ METHODS = {
     "pointnet2": Row(
         "PointNet++",
         (23.8, 60.2, 14.1, 76.1, 66.4, 17.1, 0.027, 11.5, 0.97),
-        "Farthest points are chosen one after the other, and all pairs of points compared at every level.",
+        "Farthest points are chosen one after the other, and all pairs of points compared at every "
+        "level.",
     ),
     "sgpn": Row(
         "SGPN",
         (24.9, 60.3, 14.1, 78.5, 60.5, 26.1, 0.019, 14.9, 2.49),
-        "PointNet with two more branches; no similarity matrix of all pairs, only of neighbouring voxels.",
+        "PointNet with two more branches; no similarity matrix of all pairs, only of neighbouring "
+        "voxels.",
     ),
     "voxnet": Row(
         "VoxNet",
         (18.2, 45.5, 6.5, 70.5, 58.0, 11.3, 0.017, 0.5, 1.22),
-        "Two convolutions over 32 x 32 x 32 cells, mostly empty, for every batch however few its points.",
+        "Two convolutions over 32 x 32 x 32 cells, mostly empty, for every batch however few its "
+        "points.",
     ),
     "mcpnet-nocontext": Row(
         "Proposed",
@@ -71,7 +75,7 @@ METHODS = {
         "Context pooling: a 200 x 200 product for each of 50 context points of every new voxel.",
     ),
 }
-"""What tables I to III compare, in their order; the limits are of this implementation, from its operations."""
+"""What tables I to III compare, in their order; the limits are those of this implementation."""
 
 
 @dataclass(frozen=True)
@@ -103,16 +107,14 @@ def read_result(folder: Path, name: str) -> Result:
         json.loads((folder / f"{name}.{kind}.json").read_text()) for kind in ("segment", "eval")
     )
     figures = {key: float(value) for key, value in scores.items() if isinstance(value, int | float)}
-    times = segment["ms_per_scan"]
-    confusion, memory = scores["confusion"], segment["peak_memory_mb"]
     return Result(
-        figures,
-        scores["iou"],
-        confusion,
-        times["p50"],
-        times["p95"],
-        segment["ms_by_stage"],
-        memory,
+        scores=figures,
+        iou=scores["iou"],
+        confusion=scores["confusion"],
+        p50_ms=segment["ms_per_scan"]["p50"],
+        p95_ms=segment["ms_per_scan"]["p95"],
+        stages_ms=segment["ms_by_stage"],
+        memory_mb=segment["peak_memory_mb"],
     )
 
 
@@ -143,59 +145,45 @@ def write_report(
     Returns:
         results.md.
     """
-    ordered = [method for method in METHODS if method in methods]
     results = {
         method: [read_result(output / "results", f"{method}-holdout{fold}") for fold in folds]
-        for method in ordered
+        for method in METHODS
+        if method in methods
     }
     tables = {
-        "Table I: classification": table_1(results),
-        "IoU by class": iou_by_class(results),
-        "Table II: clustering": table_2(results),
-        "Table III: efficiency": table_3(results, output / "trained", folds[0]),
+        "Table I: classification": ("table_1", table_1(results)),
+        "IoU by class": ("iou_by_class", iou_by_class(results)),
+        "Table II: clustering": ("table_2", table_2(results)),
+        "Table III: efficiency": ("table_3", table_3(results, output / "trained", folds[0])),
     }
-    names = {count: f"context{count}-holdout{folds[-1]}" for count in context_points}
-    figure = figure_5(
-        {count: read_result(output / "results", name) for count, name in names.items()}
-    )
-    for name, table in zip(
-        ("table_1", "iou_by_class", "table_2", "table_3"), tables.values(), strict=True
-    ):
+
+    # every table in Markdown and as CSV
+    lines = ["# Tables and figure of the paper, reproduced", ""]
+    lines += _introduction(folds, settings, commands)
+    for title, (name, table) in tables.items():
         _write_csv(output / f"{name}.csv", table)
-    lines = [
-        "# Tables and figure of the paper, reproduced",
-        "",
-        *_introduction(folds, settings, commands),
-    ]
-    for title, table in tables.items():
         lines += ["", f"## {title}", "", *_notes(title), *_markdown(table)]
+
+    # context points, of the last fold
     if context_points:
+        names = {count: f"context{count}-holdout{folds[-1]}" for count in context_points}
+        figure = figure_5(
+            {count: read_result(output / "results", name) for count, name in names.items()}
+        )
         _write_csv(output / "figure_5.csv", figure)
         draw_figure_5(figure, output / "figure_5.png")
-        lines += [
-            "",
-            "## Figure 5: context points",
-            "",
-            *_markdown(figure),
-            "",
-            "![](figure_5.png)",
-        ]
+        lines += ["", "## Figure 5: context points", "", *_markdown(figure)]
+        lines += ["", "![](figure_5.png)"]
+
     report = output / "results.md"
     report.write_text("\n".join(lines) + "\n")
     return report
 
 
 def table_1(results: Results) -> list[list[str]]:
-    """Classification: percent, means over the folds, mIoU pooled too; the paper's figures beside them."""
-    header = [
-        "method",
-        "mIoU",
-        "point accuracy",
-        "object accuracy",
-        "mIoU present",
-        "mean class accuracy",
-        "mIoU pooled",
-    ]
+    """Classification: percent, means over the folds, mIoU pooled too; the paper's beside them."""
+    header = ["method", "mIoU", "point accuracy", "object accuracy"]
+    header += ["mIoU present", "mean class accuracy", "mIoU pooled"]
     table = [[*header, "paper: mIoU", "paper: point", "paper: object"]]
     for method, folds in results.items():
         if method == "region-growing":
@@ -207,13 +195,13 @@ def table_1(results: Results) -> list[list[str]]:
 
 
 def pooled_miou(folds: Sequence[Result]) -> float:
-    """Sum the confusion matrices of the folds, then take the mean over all classes, as the field now does."""
+    """Sum the folds' confusion matrices, then take the mean over all classes, as is usual now."""
     confusion = np.sum([np.array(fold.confusion, np.int64) for fold in folds], axis=0)
     return float(np.nan_to_num(intersection_over_union(confusion)).mean())
 
 
 def iou_by_class(results: Results) -> list[list[str]]:
-    """Intersection over union of every class: percent, means over the folds; 0 where a class is nowhere."""
+    """IoU of every class: percent, means over the folds; 0 where a class is nowhere."""
     classes = list(next(iter(results.values()))[0].iou)
     table = [["method", *classes]]
     for method, folds in results.items():
@@ -224,7 +212,7 @@ def iou_by_class(results: Results) -> list[list[str]]:
 
 
 def table_2(results: Results) -> list[list[str]]:
-    """Clustering over the whole area: percent, means over the folds; the paper's figures beside them."""
+    """Clustering over the whole area: percent, means over the folds; the paper's beside them."""
     header = ["method", "NMI", "AMI", "ARI", "predicted / true objects"]
     table = [[*header, "paper: NMI", "paper: AMI", "paper: ARI"]]
     for method, folds in results.items():
@@ -235,12 +223,17 @@ def table_2(results: Results) -> list[list[str]]:
 
 
 def table_3(results: Results, trained: Path, holdout: int) -> list[list[str]]:
-    """Efficiency of the methods that label scan by scan; times include reading, the commit and all outputs."""
+    """Efficiency of the methods that label scan by scan.
+
+    Times include reading, the commit and all outputs.
+    """
     header = ["method", "ms per scan (median)", "p95", "network ms", "weights MB", "peak memory MB"]
     table = [[*header, "paper: ms", "paper: MB", "paper: GB", "longest stage", "what limits it"]]
     for method, folds in results.items():
         if method.endswith("-offline"):
             continue
+
+        # times of a scan, and the stage that takes most of it
         ms = [mean(fold.p50_ms for fold in folds), mean(fold.p95_ms for fold in folds)]
         stages = {
             stage: mean(fold.stages_ms[stage] for fold in folds) for stage in folds[0].stages_ms
@@ -248,15 +241,14 @@ def table_3(results: Results, trained: Path, holdout: int) -> list[list[str]]:
         ms.append(stages["network"])
         longest = max(stages, key=lambda stage: stages[stage])
         share = f"{longest}, {100 * stages[longest] / sum(stages.values()):.0f} %"
+
+        # memory, and the paper's figures
         weights = trained / f"{method}-holdout{holdout}.safetensors"
         size = f"{weights.stat().st_size / 1e6:.2f}" if weights.is_file() else _BLANK
         memory = max(fold.memory_mb for fold in folds)
         seconds, megabytes, gigabytes = METHODS[method].paper[6:]
-        paper = [
-            _cell(None if seconds is None else 1e3 * seconds, ".0f"),
-            _cell(megabytes),
-            _cell(gigabytes, ".2f"),
-        ]
+        ms_of_paper = _cell(None if seconds is None else 1e3 * seconds, ".0f")
+        paper = [ms_of_paper, _cell(megabytes), _cell(gigabytes, ".2f")]
         figures = [*[f"{value:.1f}" for value in ms], size, f"{memory:.0f}"]
         table.append([METHODS[method].title, *figures, *paper, share, METHODS[method].limit])
     return table
@@ -281,9 +273,11 @@ def draw_figure_5(table: Sequence[Sequence[str]], picture: Path) -> None:
     counts, accuracy, _, rate = ([float(row[column]) for row in table[1:]] for column in range(4))
     figure, left = plt.subplots(figsize=(6, 3.6), dpi=120, layout="constrained")
     right = left.twinx()
-    for axis, values, colour, label in (
-        (left, accuracy, "#1f5fa8", "point accuracy, %"), (right, rate, "#c0561a", "scans per second"),
-    ):  # fmt: skip
+    curves = (
+        (left, accuracy, "#1f5fa8", "point accuracy, %"),
+        (right, rate, "#c0561a", "scans per second"),
+    )
+    for axis, values, colour, label in curves:
         axis.plot(counts, values, "o-", color=colour)
         axis.set_ylabel(label, color=colour)
         axis.tick_params(axis="y", colors=colour)
@@ -309,36 +303,35 @@ def _introduction(
     folds: Sequence[int], settings: Mapping[str, object], commands: Sequence[str]
 ) -> list[str]:
     """Say what the figures were made with, of what."""
+    held_out = ", ".join(map(str, folds))
+    machine = f"{platform.machine()}, {platform.system()}"
     facts = [f"* {name}: {value}" for name, value in settings.items()]
-    facts += [
-        f"* areas held out, one at a time: {', '.join(map(str, folds))}; figures are means over them"
-    ]
-    facts += [
-        f"* mcpseg {__version__}, Python {platform.python_version()}, {platform.machine()}, {platform.system()}"
-    ]
-    return [
-        "Made by `examples/reproduce_paper.py` with these commands:",
-        "",
-        "```sh",
-        *commands,
-        "```",
-        "",
-        *facts,
-    ]
+    facts += [f"* areas held out, one at a time: {held_out}; figures are means over them"]
+    facts += [f"* mcpseg {__version__}, Python {platform.python_version()}, {machine}"]
+
+    made = "Made by `examples/reproduce_paper.py` with these commands, training with the settings "
+    made += "of [training.toml](training.toml):"
+    return [made, "", "```sh", *commands, "```", "", *facts]
 
 
 def _notes(title: str) -> list[str]:
     """Say what a table's figures mean where its header does not."""
     if title.startswith("Table I:"):
         note = (
-            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. Offline methods learn from "
-            "and label the complete clouds of the same scans in columns of 1 m; the paper gave them the original "
-            "clouds, which have no occlusion, room by room."
+            "Percent, over the voxels of a whole area; a class that is nowhere counts 0. Offline "
+            "methods learn from and label the complete clouds of the same scans in columns of 1 m; "
+            "the paper gave them the original clouds, which have no occlusion, room by room."
         )
     elif title.startswith("Table II:"):
-        note = "Percent, over the voxels of true objects, the whole area as one unit. Region growing knows no classes."
+        note = (
+            "Percent, over the voxels of true objects, the whole area as one unit. Region growing "
+            "knows no classes."
+        )
     elif title.startswith("Table III:"):
-        note = "Everything from reading a scan to its labelled copy, on this machine; the paper's had a GTX 1080."
+        note = (
+            "Everything from reading a scan to its labelled copy, on this machine; the paper's had "
+            "a GTX 1080."
+        )
     else:
         note = "Percent."
     return [note, ""]

@@ -9,6 +9,7 @@ the floor plan without its ceilings.
 """
 
 import argparse
+from itertools import product
 from pathlib import Path
 
 import matplotlib as mpl
@@ -61,6 +62,7 @@ def look(
     Returns:
         (height, width, 3) picture.
     """
+    # from metres to what the camera sees: right, up, ahead
     height, width = SIZE
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, (0.0, 0.0, 1.0))
@@ -69,25 +71,22 @@ def look(
     view = (xyz - eye) @ axes.T
     shown = view[:, 2] > NEAR
     view, rgb = view[shown], rgb[shown]
+
+    # where each point falls, and how large its square is
     scale = FOCAL * width / view[:, 2]
     column = width / 2 + view[:, 0] * scale
     row = height / 2 - view[:, 1] * scale
     half = np.clip(np.rint(SPLAT * scale / 2), 0, 14).astype(int)
+
+    # pixel by pixel of the squares, for all points of a size together
     order = np.argsort(-view[:, 2], kind="stable")  # the nearest is drawn last
     picture = np.full((height, width, 3), BACKGROUND, np.uint8)
     depth = np.full((height, width), np.inf)
     for size in range(int(half.max(initial=0)), -1, -1):
         some = order[half[order] == size]
-        for shift_row in range(-size, size + 1):
-            for shift_column in range(-size, size + 1):
-                _draw(
-                    picture,
-                    depth,
-                    row[some] + shift_row,
-                    column[some] + shift_column,
-                    view[some, 2],
-                    rgb[some],
-                )
+        for down, across in product(range(-size, size + 1), repeat=2):
+            rows, columns = row[some] + down, column[some] + across
+            _draw(picture, depth, rows, columns, view[some, 2], rgb[some])
     return picture
 
 
@@ -120,6 +119,7 @@ def class_colours(building: Building) -> NDArray[np.uint8]:
 def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     """Draw one room from one of its four corners, in its colours and in those of its classes."""
     assert building.room_starts is not None
+    # its points without strays, and a corner at eye height
     rows = slice(int(building.room_starts[room]), int(building.room_starts[room + 1]))
     xyz = building.xyz[rows].astype(np.float64)
     low, high = np.percentile(xyz, 0.5, axis=0), np.percentile(xyz, 99.5, axis=0)
@@ -127,14 +127,15 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     side = np.array([corner & 1, corner >> 1], bool)
     eye = np.append(np.where(side, high[:2] - inset[:2], low[:2] + inset[:2]), low[2] + 1.65)
     target = np.append(np.where(side, low[:2], high[:2]), low[2] + 0.9)
-    pictures = [
-        look(xyz, rgb[rows], eye, target) for rgb in (building.rgb, class_colours(building))
-    ]
+    colourings = (building.rgb, class_colours(building))
+    pictures = [look(xyz, rgb[rows], eye, target) for rgb in colourings]
+
+    # the classes that are in it
     present = np.unique(building.semantic[rows])
     names = [building.classes[index] for index in present if index < len(building.classes)]
-    legend = [
-        Patch(color="#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]), label=name) for name in names
-    ]
+    colours = ["#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]) for name in names]
+    legend = [Patch(color=colour, label=name) for colour, name in zip(colours, names, strict=True)]
+
     figure, axes = plt.subplots(1, 2, figsize=(16, 6.8))
     for axis, picture in zip(axes, pictures, strict=True):
         axis.imshow(picture)
@@ -147,16 +148,19 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
 
 
 def draw_above(building: Building, path: Path) -> None:
-    """Draw the building from above without its ceilings, in its colours and in those of its classes."""
+    """Draw the building from above without ceilings, in its colours and those of its classes."""
+    # what is left, the highest last
     names = np.array(building.classes)
-    height = building.xyz[:, 2] - np.median(
-        building.xyz[building.semantic == np.flatnonzero(names == "floor")[0], 2]
-    )
+    is_floor = building.semantic == np.flatnonzero(names == "floor")[0]
+    height = building.xyz[:, 2] - np.median(building.xyz[is_floor, 2])
     keep = (height < 2.0) & ~np.isin(building.semantic, np.flatnonzero(names == "ceiling"))
     order = np.flatnonzero(keep)[np.argsort(height[keep], kind="stable")]
+
+    # a pixel for every few centimetres
     low, high = building.xyz[order, :2].min(axis=0), building.xyz[order, :2].max(axis=0)
     pixel = max(float((high - low).max()) / 1400, SPLAT)
     size = np.ceil((high - low) / pixel).astype(int) + 1
+
     figure, axes = plt.subplots(1, 2, figsize=(18, 9 * size[1] / size[0] + 0.6))
     for axis, rgb in zip(axes, (building.rgb, class_colours(building)), strict=True):
         picture = np.full((size[1], size[0], 3), 255, np.uint8)
@@ -184,17 +188,19 @@ def main() -> None:
     parser.add_argument("--above", action="store_true", help="draw the whole building from above")
     parser.add_argument("-o", "--output", type=Path, default=Path("pictures"))
     arguments = parser.parse_args()
+
     building, _ = read_building(arguments.building)
     arguments.output.mkdir(parents=True, exist_ok=True)
     if arguments.above:
         draw_above(building, arguments.output / "above.png")
+
+    # the rooms named; all of them where nothing is asked for
     wanted = arguments.rooms or ([] if arguments.above else building.rooms)
     for name in wanted:
         if name not in building.rooms:
             raise SystemExit(f"{name}: no such room; there are {', '.join(building.rooms)}")
-        draw_room(
-            building, building.rooms.index(name), arguments.output / f"{name}.png", arguments.corner
-        )
+        path = arguments.output / f"{name}.png"
+        draw_room(building, building.rooms.index(name), path, arguments.corner)
 
 
 if __name__ == "__main__":

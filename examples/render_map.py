@@ -11,10 +11,10 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
-from mcpseg_cli.export.colours import ColourBy
+from mcpseg_cli.choices import ColourBy, View
 from mcpseg_cli.export.picture import write_picture
 from mcpseg_cli.export.selection import Selection
-from mcpseg_cli.export.views import PictureSettings, View
+from mcpseg_cli.export.views import PictureSettings
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 VIEWS: tuple[View, ...] = ("top", "cut")
@@ -24,6 +24,7 @@ WIDTH = 640  # pixels of one picture on the sheet
 
 def draw_sheet(folder: Path, sheet: Path) -> None:
     """Draw a row for each view, a column for each colouring."""
+    # one picture after another, made as narrow as its column
     with LabelledRun(folder) as run, TemporaryDirectory() as scratch:
         rows = []
         for view in VIEWS:
@@ -32,10 +33,11 @@ def draw_sheet(folder: Path, sheet: Path) -> None:
                 path = Path(scratch) / f"{view}_{colour_by}.png"
                 write_picture(run, path, Selection(), PictureSettings(view, colour_by))
                 with Image.open(path) as picture:
-                    pictures.append(
-                        picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)))
-                    )
+                    height = round(WIDTH * picture.height / picture.width)
+                    pictures.append(picture.resize((WIDTH, height)))
             rows.append(pictures)
+
+    # all on one sheet
     heights = [max(part.height for part in row) for row in rows]
     whole = Image.new("RGB", (WIDTH * len(COLOURS), sum(heights)), "white")
     for number, row in enumerate(rows):

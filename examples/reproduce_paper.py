@@ -1,8 +1,8 @@
 """Make the paper's tables I, II and III and its figure 5, from nothing or from S3DIS.
 
-    python examples/reproduce_paper.py -o paper/ --quick     # minutes: small buildings, one short
-    epoch python examples/reproduce_paper.py -o paper/             # hours: six synthetic areas,
-    fold 6 python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
+    python examples/reproduce_paper.py -o paper/ --quick    # minutes: small buildings, one epoch
+    python examples/reproduce_paper.py -o paper/            # hours: six synthetic areas, fold 6
+    python examples/reproduce_paper.py -o paper/ --s3dis Stanford3dDataset_v1.2 --folds all
 
 Every step is an mcpseg command, printed before it runs; its result stays in the output folder, and
 a step whose result is there is passed over: run the same command again to continue, with more
@@ -10,8 +10,9 @@ a step whose result is there is passed over: run the same command again to conti
 figure_5.csv and figure_5.png.
 
 The output folder has data/Area_N (ray-traced), trained/NET-holdoutN.safetensors,
-maps/METHOD-holdoutN.ply and results/METHOD-holdoutN.*.json (what segment and eval said). Areas and
-weights made elsewhere can be put there under these names.
+maps/METHOD-holdoutN.ply and results/METHOD-holdoutN.*.json (what segment and eval said); all
+trainings have the settings of training.toml. Areas and weights made elsewhere can be put there
+under these names.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ _NETWORKS = [
 ]
 _ROOT = Path(__file__).parents[1]
 _COLUMNS = "examples/complete_clouds.py"
+_CONTEXT_POINTS = (0, 5, 10, 25, 50, 100)  # of figure 5
 _SMALL_AREAS = 3  # the figure's networks learn from so many, in fewer scans
 _SMALL_STEP = 2.5  # ... that are so much farther apart
 
@@ -71,14 +73,19 @@ class Plan:
     def settings(self) -> dict[str, object]:
         """Give what all results in one folder must have in common."""
         source = str(self.s3dis) if self.s3dis else f"synthetic, seed 1, {self.rooms} rooms"
-        areas, training = list(self.areas), {"epochs": self.epochs, "batches": self.batches}
         return {
             "source": source,
-            "areas": areas,
+            "areas": list(self.areas),
             "step": self.step,
             "noise": self.noise,
-            **training,
+            "epochs": self.epochs,
+            "batches": self.batches,
         }
+
+    @property
+    def training(self) -> Path:
+        """Where the settings are that all trainings have in common."""
+        return self.output / "training.toml"
 
 
 @dataclass(frozen=True)
@@ -102,32 +109,31 @@ class Step:
             print(f"# done: {line}", flush=True)
             return
         print(line, flush=True)
-        if self.result:
-            self.result.parent.mkdir(parents=True, exist_ok=True)
+
+        # as mcpseg, or a script beside this one
         program, *rest = self.command
         words = (
             ["-m", "mcpseg_cli", *rest]
             if program == "mcpseg"
             else [str(_ROOT / rest[0]), *rest[1:]]
         )
-        process = subprocess.run(
-            [sys.executable, *words],
-            stdout=subprocess.PIPE if self.result else None,
-            text=True,
-            check=False,
-        )
+        stdout = subprocess.PIPE if self.result else None
+        process = subprocess.run([sys.executable, *words], stdout=stdout, text=True, check=False)
         if process.returncode:
             raise SystemExit(
                 f"{line}: exit {process.returncode}; run the same command again to continue"
             )
+
+        # a result is there when it is whole
         if self.result:
+            self.result.parent.mkdir(parents=True, exist_ok=True)
             unfinished = self.result.with_suffix(".part")
             unfinished.write_text(process.stdout)
             unfinished.replace(self.result)
 
 
 def is_complete(record: Path) -> bool:
-    """Tell whether a record of ray tracing or training is there and says that it was not cut short."""
+    """Tell whether a record of ray tracing or training says that it was not cut short."""
     return record.is_file() and bool(json.loads(record.read_text()).get("complete"))
 
 
@@ -135,22 +141,30 @@ def make_area(plan: Plan, number: int, folder: Path, step: float) -> list[Step]:
     """Ray-trace an area, of a building that is made first where there is no S3DIS."""
     is_traced = partial(is_complete, folder / "raytrace.json")
     building = (plan.s3dis or plan.output / "buildings") / f"Area_{number}"
-    trace = [
-        "mcpseg",
-        "raytrace",
-        str(building),
-        "-o",
-        str(folder),
-        "--step",
-        f"{step:g}",
-        "--noise",
-        f"{plan.noise:g}",
-    ]
-    steps = [Step((*trace, "--cache", str(plan.output / "cache" / "buildings")), is_traced)]
+    words = ["mcpseg", "raytrace", str(building), "-o", str(folder)]
+    words += ["--step", f"{step:g}", "--noise", f"{plan.noise:g}"]
+    words += ["--cache", str(plan.output / "cache" / "buildings")]
+    steps = [Step(tuple(words), is_traced)]
+
+    # where there is no S3DIS, a building is made first
     if plan.s3dis is None:
         synth = ("mcpseg", "synth", str(building), "--seed", "1", "--rooms", str(plan.rooms))
         steps.insert(0, Step(synth, is_traced))
     return steps
+
+
+def training_settings(plan: Plan) -> str:
+    """Write down what all trainings have in common, as ``mcpseg train --config`` takes it."""
+    lines = [
+        "[train]",
+        f"epochs = {plan.epochs}",
+        'schedule = "cosine"',
+        "warm_up = 0.1",
+        'precision = "bf16"',
+        f"validation_batches = {min(300, plan.batches or 300)}",
+    ]
+    lines += [f"batches_per_epoch = {plan.batches}"] if plan.batches else []
+    return "\n".join(lines) + "\n"
 
 
 def train(
@@ -164,37 +178,9 @@ def train(
         record = weights.with_suffix(".json")
         return weights.is_file() and (is_complete(record) or not record.exists())
 
-    words = [
-        "mcpseg",
-        "train",
-        str(data),
-        "--holdout",
-        str(fold),
-        "--net",
-        net,
-        "--epochs",
-        str(plan.epochs),
-    ]
-    words += [
-        "--schedule",
-        "cosine",
-        "--warm-up",
-        "0.1",
-        "--augment",
-        "none",
-        "--precision",
-        "bf16",
-    ]
-    words += [
-        "--validation-batches",
-        str(min(300, plan.batches or 300)),
-        "-j",
-        "1",
-        "-o",
-        str(folder),
-        "--resume",
-    ]
-    words += ["--batches", str(plan.batches)] if plan.batches else []
+    words = ["mcpseg", "train", str(data), "--holdout", str(fold), "--net", net]
+    words += ["--config", str(plan.training), "--augment", "none", "-j", "1"]
+    words += ["-o", str(folder), "--resume"]
     words += ["--name", name] if name else []
     return Step((*words, *options), is_trained)
 
@@ -211,15 +197,16 @@ def score(
     def is_labelled() -> bool:
         return segment.is_file() and (evaluation.is_file() or (run / "map.ply").is_file())
 
+    # labelled scan by scan, or all at once
     words = ["mcpseg", "segment", str(area / "scans"), str(area / "poses.csv"), "-o", str(run)]
     words += ["--method", method.removesuffix("-offline")]
     words += ["-w", str(plan.output / "trained" / f"{weights}.safetensors")] if weights else []
     words += ["--offline"] * method.endswith("-offline")
+
+    truth = ("mcpseg", "eval", str(run), str(area / "gt"), "--json")
     return [
         Step((*words, "--json"), is_labelled, segment),
-        Step(
-            ("mcpseg", "eval", str(run), str(area / "gt"), "--json"), evaluation.is_file, evaluation
-        ),
+        Step(truth, evaluation.is_file, evaluation),
     ]
 
 
@@ -234,25 +221,27 @@ def keep_map(plan: Plan, name: str) -> None:
 
 def table_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
     """List the steps to tables I, II and III; a name is that of a run which the steps score."""
+    # areas
     data = plan.output / "data"
     steps: list[tuple[str | None, list[Step]]] = [
         (None, make_area(plan, number, data / f"Area_{number}", plan.step)) for number in plan.areas
     ]
+
+    # every method trained on all areas but one, and scored on that
     for fold in plan.folds:
         for method in plan.methods:
             name = f"{method}-holdout{fold}"
             training = list(train_method(plan, method, fold, name))
-            steps.append(
-                (
-                    name,
-                    [*training, *score(plan, data, fold, method, name if training else None, name)],
-                )
-            )
+            weights = name if training else None
+            steps.append((name, [*training, *score(plan, data, fold, method, weights, name)]))
     return steps
 
 
 def train_method(plan: Plan, method: str, fold: int, name: str) -> Iterator[Step]:
-    """List the steps to the weights of a method; offline methods learn from the columns of complete clouds."""
+    """List the steps to the weights of a method.
+
+    Offline methods learn from the columns of complete clouds.
+    """
     net, data = method.removesuffix("-offline"), plan.output / "data"
     if net not in _NETWORKS:
         return
@@ -267,15 +256,21 @@ def train_method(plan: Plan, method: str, fold: int, name: str) -> Iterator[Step
 
 
 def figure_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
-    """List the steps to figure 5: MCPNet trained with more and more context points, on a smaller dataset as in IV-A."""
+    """List the steps to figure 5: MCPNet trained with more and more context points.
+
+    On a smaller dataset, as in IV-A.
+    """
     if not plan.context_points:
         return []
+
+    # fewer areas, with fewer scans
     data, fold = plan.output / "small", plan.folds[-1]
     used = [number for number in plan.areas if number != fold][:_SMALL_AREAS]
     steps: list[tuple[str | None, list[Step]]] = [
         (None, make_area(plan, number, data / f"Area_{number}", plan.step * _SMALL_STEP))
         for number in [*used, fold]
     ]
+
     for count in plan.context_points:
         net, name = "mcpnet" if count else "mcpnet-nocontext", f"context{count}-holdout{fold}"
         options = ["--context", str(count)] if count else []
@@ -286,7 +281,7 @@ def figure_steps(plan: Plan) -> list[tuple[str | None, list[Step]]]:
 
 
 def check_settings(plan: Plan) -> None:
-    """Refuse a folder whose results were made of other data or in other ways."""
+    """Refuse a folder whose results were made of other data or in other ways; write how."""
     path = plan.output / "settings.json"
     if path.is_file() and json.loads(path.read_text()) != plan.settings():
         raise SystemExit(
@@ -294,6 +289,7 @@ def check_settings(plan: Plan) -> None:
         )
     plan.output.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(plan.settings(), indent=1) + "\n")
+    plan.training.write_text(training_settings(plan))
 
 
 def run(plan: Plan) -> None:
@@ -305,6 +301,8 @@ def run(plan: Plan) -> None:
             step.run()
         if name:
             keep_map(plan, name)
+
+    # tables and figure, with the commands they come from
     commands = list(dict.fromkeys(shlex.join(step.command) for _, parts in steps for step in parts))
     report = write_report(
         plan.output, plan.methods, plan.folds, plan.context_points, plan.settings(), commands
@@ -322,33 +320,20 @@ def read_plan(words: list[str] | None = None) -> Plan:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("paper"), help="folder for everything"
-    )
-    parser.add_argument(
-        "--s3dis", type=Path, help="folder with Area_1 to Area_6; default: synthetic areas"
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="small buildings, short training: minutes, poor scores"
-    )
-    parser.add_argument(
-        "--areas", type=numbers, default=(1, 2, 3, 4, 5, 6), help="default: 1,2,3,4,5,6"
-    )
-    parser.add_argument(
-        "--folds", default="6", help="areas to hold out, with commas, or all; default: 6"
-    )
-    parser.add_argument(
-        "--methods", default=",".join(METHODS), help=f"with commas; default: {','.join(METHODS)}"
-    )
-    parser.add_argument("--rooms", type=int, help="of a synthetic area; default: 16")
-    parser.add_argument("--epochs", type=int, help="of training; default: 6")
-    parser.add_argument(
-        "--batches", type=int, help="of an epoch at most; default: one of every scan"
-    )
-    parser.add_argument(
-        "--context-points", type=numbers, help="of the figure; default: 0,5,10,25,50,100; '': none"
-    )
+    add = parser.add_argument
+    add("-o", "--output", type=Path, default=Path("paper"), help="folder for everything")
+    add("--s3dis", type=Path, help="folder with Area_1 to Area_6; default: synthetic areas")
+    add("--quick", action="store_true", help="small buildings, short training: poor scores")
+    add("--areas", type=numbers, default=(1, 2, 3, 4, 5, 6), help="default: 1,2,3,4,5,6")
+    add("--folds", default="6", help="areas to hold out, with commas, or all; default: 6")
+    add("--methods", default=",".join(METHODS), help=f"default: {','.join(METHODS)}")
+    add("--rooms", type=int, help="of a synthetic area; default: 16")
+    add("--epochs", type=int, help="of training; default: 6")
+    add("--batches", type=int, help="of an epoch at most; default: one of every scan")
+    add("--context-points", type=numbers, help="of figure 5; default: 0,5,10,25,50,100; '': none")
     given = parser.parse_args(words)
+
+    # what cannot work
     methods, unknown = tuple(given.methods.split(",")), set(given.methods.split(",")) - set(METHODS)
     if unknown:
         parser.error(
@@ -357,20 +342,26 @@ def read_plan(words: list[str] | None = None) -> Plan:
     folds = given.areas if given.folds == "all" else numbers(given.folds)
     if not set(folds) <= set(given.areas) or len(given.areas) < 2:
         parser.error("--folds: expected some of --areas, of which there are two or more")
-    step, rooms, epochs, batches, context = (
-        (1.0, 4, 1, 300, (0, 10, 50)) if given.quick else (0.4, 16, 6, None, None)
+
+    # a few minutes, or all there is to see
+    step, rooms, epochs, batches, points = (
+        (1.0, 4, 1, 300, (0, 10, 50)) if given.quick else (0.4, 16, 6, None, _CONTEXT_POINTS)
     )
     if given.s3dis:
         step = 1.0 if given.quick else 0.2  # metres; the latter is the paper's (III-A)
-    points = (
-        given.context_points
-        if given.context_points is not None
-        else context or (0, 5, 10, 25, 50, 100)
-    )
     return Plan(
-        given.output, given.s3dis, given.areas, folds, methods, given.rooms or rooms, step,
-        0.0 if given.s3dis else 0.004, given.epochs or epochs, given.batches or batches, points,
-    )  # fmt: skip
+        output=given.output,
+        s3dis=given.s3dis,
+        areas=given.areas,
+        folds=folds,
+        methods=methods,
+        rooms=given.rooms or rooms,
+        step=step,
+        noise=0.0 if given.s3dis else 0.004,
+        epochs=given.epochs or epochs,
+        batches=given.batches or batches,
+        context_points=points if given.context_points is None else given.context_points,
+    )
 
 
 def main() -> None:

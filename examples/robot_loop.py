@@ -8,17 +8,20 @@ from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 
 folder = Path(sys.argv[1])
 segmenter = IncrementalSegmenter.load("mcpnet")
+door = segmenter.classes.index("door")
 
-for source in open_recording(folder / "scans", folder / "poses.csv"):  # your sensor driver here
-    scan, _ = read_scan(source, frame="map", voxel_size=0.1)  # or Scan(xyz, rgb, pose, name)
+for source in open_recording(folder / "scans", folder / "poses.csv"):
+    # your sensor driver here: Scan(xyz, rgb, pose, name)
+    scan, _ = read_scan(source, frame="map", voxel_size=0.1)
+
+    # label it, the map grows
     update = segmenter.register_scan(scan)
-    labels = segmenter.labels(
-        update.point_ids
-    )  # semantic, instance, confidence of every point of the scan
-    ahead = labels.semantic == segmenter.classes.index("door")
-    print(
-        f"{scan.name}: {update.num_new} new voxels, {len(update.merges)} merges, {ahead.sum()} points on doors"
-    )
+
+    # semantic, instance and confidence of every point of the scan
+    labels = segmenter.labels(update.point_ids)
+    ahead = (labels.semantic == door).sum()
+    merges = len(update.merges)
+    print(f"{scan.name}: {update.num_new} new voxels, {merges} merges, {ahead} points on doors")
 
 for item in sorted(segmenter.objects(), key=lambda item: -item.num_points)[:5]:
     print(f"object {item.id}: {item.class_name}, {item.num_points} points, around {item.centroid}")

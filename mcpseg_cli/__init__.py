@@ -3,6 +3,7 @@
 The package is laid out like the paper and the commands: chapter III is one room, and so is every
 command. A room is a folder, or a file of the ground. The ground imports only the ground:
 
+    choices       what may be chosen by name
     errors        expected failures, each one line
     config        settings with their defaults; the numbers of the paper
     classes       class tables: which index means which class

@@ -1,8 +1,19 @@
 """Settings with their defaults. Numbers from the paper appear here, once, with their section."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mcpseg_cli.choices import (
+    Architecture,
+    BestBy,
+    ClassBalance,
+    ContextWindow,
+    FloorRule,
+    Labelling,
+    Schedule,
+    TrainPrecision,
+)
 
 NUM_CONTEXT = 50  # M: context points per point (III-B, figure 5)
 NUM_FEATURES = 6  # X Y Z R G B (III-B)
@@ -14,25 +25,6 @@ SIMILARITY = 0.9  # beta of MCPNet (IV-B)
 SGPN_SIMILARITY = 0.98  # beta of SGPN (IV-B)
 OFFLINE_BLOCK = 1.0  # metres, columns a complete cloud is labelled in, in the authors' program
 TRIPLET_MARGIN = 1.0  # alpha, on squared distances (III-C), as in the authors' program
-
-ContextWindow = Literal["cells", "coarse"]
-"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27
-cells of three voxels a side around the point, as in the authors' program. Weights carry which of
-the two they were trained with.
-"""
-
-Architecture = Literal[
-    "unet", "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"
-]
-Method = Literal[
-    "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet", "region-growing"
-]
-"""What labels: a network, or region growing (table II)."""
-
-Precision = Literal["auto", "fp32", "bf16"]
-Frame = Literal["map", "sensor"]
-Labelling = Literal["first", "fused"]
-FloorRule = Literal["map", "scan-min"]
 
 
 class MapSettings(BaseModel):
@@ -179,7 +171,7 @@ class TrainSettings(BaseModel):
     epochs: int = Field(default=100, ge=1, le=1_000_000)
     batch_size: int | None = Field(default=None, ge=2, le=65536)
     learning_rate: float = Field(default=1e-3, gt=0.0, le=10.0)
-    schedule: Literal["constant", "cosine"] = "constant"
+    schedule: Schedule = "constant"
     warm_up: float = Field(default=0.0, ge=0.0)
     weight_decay: float = Field(default=0.0, ge=0.0, le=10.0)
     max_gradient: float | None = Field(default=None, gt=0.0)
@@ -188,7 +180,7 @@ class TrainSettings(BaseModel):
     instance_weight: float = Field(default=1.0, ge=0.0)
     confidence_weight: float = Field(default=1.0, ge=0.0)
     label_smoothing: float = Field(default=0.0, ge=0.0, lt=1.0)
-    class_balance: Literal["none", "sqrt"] = "none"
+    class_balance: ClassBalance = "none"
     batches_per_epoch: int | None = Field(default=None, ge=1)
     batches_per_step: int = Field(default=1, ge=1, le=1024)
     samples_per_instance: int = Field(default=16, ge=0, le=65536)
@@ -196,8 +188,8 @@ class TrainSettings(BaseModel):
     validation_batches: int | None = Field(default=None, ge=1)
     validate_every: int = Field(default=1, ge=1)
     patience: int | None = Field(default=None, ge=1)
-    best_by: Literal["miou", "loss"] = "miou"
-    precision: Literal["fp32", "bf16"] = "fp32"
+    best_by: BestBy = "miou"
+    precision: TrainPrecision = "fp32"
     seed: int = Field(default=0, ge=0, lt=1 << 63)
 
 
@@ -367,3 +359,23 @@ class AugmentSettings(BaseModel):
     def off(cls) -> Self:
         """Return settings that change nothing."""
         return cls.model_validate(dict.fromkeys(cls.model_fields, 0.0))
+
+
+_OPTIONS = {
+    "architecture": "--net",
+    "highest_deg": "--v-max",
+    "horizontal_deg": "--h-res",
+    "init": "--weights",
+    "learning_rate": "--lr",
+    "local_range": "--range",
+    "lowest_deg": "--v-min",
+    "num_context": "--context",
+    "num_rooms": "--rooms",
+    "reach": "--range",
+    "vertical_deg": "--v-res",
+}
+
+
+def option_of(setting: str) -> str:
+    """Return the option of the command line that gives a setting."""
+    return _OPTIONS.get(setting, f"--{setting.replace('_', '-')}")

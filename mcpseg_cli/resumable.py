@@ -1,40 +1,128 @@
 """Work that survives being cut short: whole files, one process a folder, the same request."""
 
 import fcntl
+import glob
 import json
 import os
-from collections.abc import Iterator, Mapping
+import re
+import shutil
+import threading
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from pydantic import JsonValue
+from mcpseg_cli.config import option_of
+from mcpseg_cli.errors import StateError, StateInUseError
 
-from mcpseg_cli.errors import StateError, StateInUseError, naming
+_LONG, _FIRST = 30, 16  # letters of values in messages
+_PARTIAL = ".part"
+_LEFTOVER = re.compile(rf"\.(?:.*\.)?(?P<pid>\d+)-\d+\{_PARTIAL}(?:\.[^.]+)?")
 
 
 def printable(text: str) -> str:
-    r"""Write bytes of paths and arguments that are no UTF-8 as ``\xff``, so that the text can be encoded."""
+    r"""Write what is no UTF-8 in paths and arguments as ``\xff``, so that it can be encoded."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file; it appears under its name only when complete.
+def write_whole(path: Path, content: str | bytes, *, is_durable: bool = False) -> None:
+    """Write a file; it appears under its name only when complete.
 
     Args:
         path: The file; its folder must exist; replaced if there.
-        text: What to write.
+        content: What to write; text as UTF-8.
+        is_durable: Wait until it is on the disk.
 
     Raises:
-        OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
+        OSError: The disk is full or the folder not writable; nothing is left behind.
     """
-    partial = path.with_name(f".{os.getpid()}.part.{path.name}")
+    data = content.encode("utf-8") if isinstance(content, str) else content
+    with whole_file(path) as partial, partial.open("wb") as file:
+        file.write(data)
+        if is_durable:
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
+    """Have a file written under another name; it gets its own when the block ends well.
+
+    Args:
+        path: The file; its folder must exist; replaced if there.
+        is_one_of_many: Do not search the folder for what killed processes left of this file: in a
+            folder of thousands that takes its time, and ``remove_leftovers`` does it once.
+
+    Yields:
+        The name to write to: hidden, in the same folder, with the same ending.
+
+    Raises:
+        OSError: As the block raises it, but naming ``path``; nothing is left behind.
+    """
+    if not is_one_of_many:
+        _remove_abandoned(path)
+
+    # a name of this thread's own: others may write the same file
+    writer = f"{os.getpid()}-{threading.get_ident()}"
+    partial = path.with_name(f"{_first_part(path)}{writer}{_PARTIAL}{path.suffix}")
+
     try:
-        with naming(path):
-            partial.write_text(text, encoding="utf-8")
-    except BaseException:
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
         partial.unlink(missing_ok=True)
-        raise
-    partial.replace(path)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Have a folder filled under another name; it gets its own when the block ends well.
+
+    Args:
+        path: The folder, not there yet; its parents are made.
+
+    Yields:
+        The folder to fill, hidden beside it; what an earlier attempt left there is deleted.
+    """
+    partial = partial_folder(path)
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        yield partial
+        partial.rename(path)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def partial_folder(path: Path) -> Path:
+    """Return the name under which ``whole_folder`` has a folder filled."""
+    return path.with_name(f".{path.name}{_PARTIAL}")
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Delete the files that killed processes left incomplete.
+
+    Args:
+        folder: Held by the caller, so that no other process is writing there; need not exist.
+    """
+    for path in folder.glob(f".*{_PARTIAL}*"):
+        if _LEFTOVER.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Delete what processes that have ended left of one file; others may be writing it now."""
+    for leftover in path.parent.glob(f"{glob.escape(_first_part(path))}*{_PARTIAL}*"):
+        found = _LEFTOVER.fullmatch(leftover.name)
+        if found and not Path(f"/proc/{found['pid']}").exists():
+            leftover.unlink(missing_ok=True)
+
+
+def _first_part(path: Path) -> str:
+    """Begin the hidden name of an incomplete file; cut, for names may have 255 bytes."""
+    return f".{path.stem[:40]}."
 
 
 @contextmanager
@@ -43,7 +131,8 @@ def exclusive(folder: Path, name: str = ".mcpseg.lock") -> Iterator[None]:
 
     Args:
         folder: Made if not there.
-        name: An empty file that is there as long as it is held; the lock ends with the process, however that ends.
+        name: An empty file that is there as long as it is held; the lock ends with the process,
+            however that ends.
 
     Raises:
         StateInUseError: Another process holds it.
@@ -73,37 +162,69 @@ def _lock(path: Path) -> int | None:
     except BlockingIOError as error:
         os.close(descriptor)
         raise StateInUseError(
-            f"{path.parent}: another mcpseg is writing there; expected to be the only one; wait for it or name another"
+            f"{path.parent}: another mcpseg is writing there; expected to be the only one; "
+            "wait for it or name another"
         ) from error
     os.close(descriptor)
     return None
 
 
-def check_identity(
-    path: Path, before: Mapping[str, JsonValue], now: Mapping[str, JsonValue]
+def check_same(
+    path: Path,
+    kept: Mapping[str, object],
+    asked: Mapping[str, object],
+    *,
+    remedy: str,
+    names: Mapping[str, str] | None = None,
+    decisive: Sequence[str] = (),
 ) -> None:
-    """Refuse to continue under other settings or with other data.
+    """Refuse to go on with what was begun at another request.
+
+    Args:
+        path: Where the earlier request is kept.
+        kept: The earlier request, as read from JSON; settings may be in groups.
+        asked: The present one.
+        remedy: What the user can do, beside asking for the same.
+        names: What to call an entry that is not named by the option of its setting.
+        decisive: Entries from which differences in others follow: only the first of these that
+            differs is told.
 
     Raises:
-        StateError: Names what differs.
+        StateError: Something differs; says what, as it was and as it is now.
     """
-    now = json.loads(json.dumps(now))  # tuples as lists, as in the file
-    names = list(_differences(before, now))
-    if names:
-        raise StateError(
-            f"{path}: trained with another {', '.join(names)}; expected the same; "
-            "choose another -o or --name, or give --overwrite to start anew"
-        )
+    asked = json.loads(json.dumps(asked))  # tuples as lists, as in the file
+    changed = _differences(kept, asked, names or {})
+    if not changed:
+        return
+
+    first = next(([name] for name in decisive if name in changed), list(changed))
+    told = [_tell(name, (names or {}).get(name), *changed[name]) for name in first]
+    raise StateError(f"{path}: made with {', and '.join(told)}; expected the same; {remedy}")
 
 
-def _differences(before: Mapping[str, JsonValue], now: Mapping[str, JsonValue]) -> Iterator[str]:
-    """Name what differs; of settings, one by one."""
-    for key in [*now, *(key for key in before if key not in now)]:
-        old, new = before.get(key), now.get(key)
-        if isinstance(old, dict) and isinstance(new, dict):
-            yield from _differences(old, new)
-        elif old != new:
-            is_long = len(f"{old}{new}") > 60
-            yield (
-                key.replace("_", " ") if is_long else f"{key.replace('_', ' ')} ({old}, not {new})"
-            )
+def _differences(
+    kept: Mapping[str, object], asked: Mapping[str, object], named: Collection[str]
+) -> dict[str, tuple[object, object]]:
+    """Collect what differs: before and now by name; of groups without a name, one by one."""
+    changed: dict[str, tuple[object, object]] = {}
+    for name in [*asked, *(name for name in kept if name not in asked)]:
+        before, now = kept.get(name), asked.get(name)
+        if isinstance(before, dict) and isinstance(now, dict) and name not in named:
+            changed |= _differences(before, now, named)
+        elif before != now:
+            changed[name] = before, now
+    return changed
+
+
+def _tell(name: str, called: str | None, before: object, now: object) -> str:
+    """Say how one entry differs, before and now, unless the values are too long to say anything."""
+    called = called or option_of(name)
+    is_table = isinstance(before, list | dict) or isinstance(now, list | dict)
+    is_long = max(len(str(before)), len(str(now))) > _LONG
+    if is_table or (is_long and not called.startswith("--")):
+        return f"another {called}"
+
+    values = ["(none)" if value is None else str(value) for value in (before, now)]
+    if is_long:  # hashes are known by their first letters
+        values = [value[:_FIRST] for value in values]
+    return f"{called} {values[0]}, now {values[1]}"

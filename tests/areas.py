@@ -1,4 +1,4 @@
-"""Small ray-traced areas for the tests of training: a corridor with a table, the truth beside every scan."""
+"""Small ray-traced areas for the tests of training: a corridor with a table, scans and truth."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def write_area(
 
 
 def _corridor(x, rng, density):
-    """Sample a floor (object 1), two walls (2, 3) and a table (4) around ``x``: places, class names, objects."""
+    """Sample a floor (object 1), walls (2, 3) and a table (4): places, class names, objects."""
     sizes = [int(share * density) for share in (500, 200, 200, 100)]
     along = [rng.uniform(x - 1.8, x + 1.8, size) for size in sizes[:3]]
     floor = np.stack(

@@ -1,8 +1,7 @@
-"""The README's command reference, made from the commands themselves: ``python -m tests.command_reference``."""
+"""docs/commands.md, made from the commands themselves: ``python -m tests.command_reference``."""
 
 import inspect
 import re
-from enum import Enum
 from pathlib import Path
 from typing import Literal, get_args, get_origin, get_type_hints
 
@@ -10,7 +9,7 @@ from typer.models import ArgumentInfo
 
 from mcpseg_cli.cli import app
 
-README = Path(__file__).parents[1] / "README.md"
+PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 BEGIN, END = "<!-- commands: python -m tests.command_reference -->\n", "<!-- end of commands -->\n"
 
 
@@ -22,7 +21,7 @@ def reference() -> str:
 
 
 def describe(name, function) -> str:
-    """Describe one command, folded."""
+    """Describe one command under its own heading."""
     summary = inspect.getdoc(function).splitlines()[0]
     hints = get_type_hints(function, include_extras=True)
     parameters = inspect.signature(function).parameters.values()
@@ -31,7 +30,7 @@ def describe(name, function) -> str:
         for parameter in parameters
     ]
     table = "\n".join(["| | |", "|---|---|", *rows])
-    return f"<details><summary><code>mcpseg {name}</code>: {summary}</summary>\n\n{table}\n\n</details>\n"
+    return f"## mcpseg {name}\n\n{summary}\n\n{table}\n"
 
 
 def describe_parameter(name, default, hint) -> str:
@@ -45,7 +44,7 @@ def describe_parameter(name, default, hint) -> str:
     if kind is not bool:
         words += f" {info.metavar or '|'.join(choices(kind)) or placeholder(kind)}"
         if default not in (None, inspect.Parameter.empty) and "[default" not in text:
-            text += f" [default: {default.value if isinstance(default, Enum) else default}]"
+            text += f" [default: {default}]"
     return f"| `{tidy(words)}` | {tidy(text)} |"
 
 
@@ -60,11 +59,7 @@ def placeholder(kind) -> str:
 def choices(kind) -> list[str]:
     """Give the values of an option that takes one of a few."""
     kinds = [kind, *get_args(kind)]
-    enums = [each for each in kinds if inspect.isclass(each) and issubclass(each, Enum)]
-    literals = [each for each in kinds if get_origin(each) is Literal]
-    return [value.value for each in enums for value in each] + [
-        value for each in literals for value in get_args(each)
-    ]
+    return [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
 
 
 def tidy(text: str) -> str:
@@ -72,11 +67,11 @@ def tidy(text: str) -> str:
     return re.sub(r"\s+", " ", text).strip().replace("|", "\\|")
 
 
-def with_reference(readme: str) -> str:
-    """Put the reference into the README's text."""
-    before, rest = readme.split(BEGIN)
-    return before + BEGIN + reference() + rest[rest.index(END) :]
+def with_reference(page: str) -> str:
+    """Put the reference into the page's text."""
+    before, rest = page.split(BEGIN)
+    return before + BEGIN + "\n" + reference() + "\n" + rest[rest.index(END) :]
 
 
 if __name__ == "__main__":
-    README.write_text(with_reference(README.read_text()))
+    PAGE.write_text(with_reference(PAGE.read_text()))

@@ -14,8 +14,8 @@ from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 
 class LabelledFolders(NamedTuple):
@@ -32,7 +32,7 @@ STEP = 0.4  # metres the robot moves along x between two scans
 
 @pytest.fixture(scope="session")
 def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """MCPNet with seeded random parameters and the S3DIS classes, so that no test depends on bundled weights."""
+    """MCPNet with seeded random parameters: no test depends on bundled weights."""
     path = tmp_path_factory.mktemp("weights") / "random.safetensors"
     info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
     with torch.random.fork_rng(devices=[]):
@@ -50,7 +50,6 @@ def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -
     run = SegmentRun(
         open_recording(scans, poses),
         folder / "out",
-        weights,
         IncrementalSegmenter(weights),
         RunOptions(),
     )
@@ -62,7 +61,7 @@ def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -
 
 @pytest.fixture
 def make_recording() -> MakeRecording:
-    """Factory of small recordings: ``make_recording(folder, num_scans=4, seed=0, suffix=".ply", colour=True)``."""
+    """Factory of small recordings: ``write_recording``."""
     return write_recording
 
 
@@ -79,7 +78,10 @@ def shared_folder() -> Path:
 def write_recording(
     folder: Path, num_scans: int = 4, seed: int = 0, suffix: str = ".ply", colour: bool = True
 ) -> tuple[Path, Path]:
-    """Write a robot's walk along a corridor, about 800 points a scan, map frame; return its scans/ and poses.csv."""
+    """Write a robot's walk along a corridor, in the map frame; return its scans/ and poses.csv.
+
+    A scan has about 800 points.
+    """
     rng = np.random.default_rng(seed)
     scans = folder / "scans"
     scans.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of the fast kernels: dictionaries and loops, written from the paper, not from the kernels."""
+"""Slow, obvious twins of the fast kernels: dictionaries and loops, written from the paper."""
 
 import itertools
 import math
@@ -37,7 +37,7 @@ class DictVoxelMap:
         return [self.ids.get(cell, -1) for cell in cells]
 
     def by_blocks(self, low: Voxel, width: int) -> list[int]:
-        """Voxels of a cube in the order of their blocks of 4 x 4 x 4, then of their places in the block."""
+        """Voxels of a cube by their blocks of 4 x 4 x 4, then by their places in the block."""
         cells = itertools.product(*(range(start, start + width) for start in low))
         found = [cell for cell in cells if cell in self.ids]
         return [
@@ -64,7 +64,7 @@ class DictVoxelMap:
         }
 
     def coarse_context(self, voxel_id: int) -> set[int]:
-        """Points in the 27 coarse cells, three voxels a side, around the point (the authors' program)."""
+        """Points in the 27 coarse cells, three voxels a side, around it (the authors' program)."""
 
         def coarse(point) -> Voxel:
             return voxel_of(point, 3 * self.voxel_size)
@@ -78,7 +78,7 @@ class DictVoxelMap:
 
 
 def sample(candidates: list[int], uniform: list[float]) -> list[int]:
-    """Draw with the given uniform numbers: without replacement, or with it when there are too few."""
+    """Draw with the given uniform numbers: with replacement where there are too few."""
     candidates = list(candidates)
     enough = len(candidates) >= len(uniform)
     drawn = []
@@ -118,17 +118,21 @@ def smallest_rectangle_area(xy) -> float:
 
 
 def first_occupied(occupied: set[Voxel], start, direction, longest: float) -> Voxel | None:
-    """Walk a ray face by face (voxel v spans [v, v + 1)); the first occupied voxel it enters, if any."""
+    """Walk a ray face by face (voxel v spans [v, v + 1)) to the first occupied voxel, if any."""
     voxel = [math.floor(place) for place in start]
     reached = [math.inf] * 3
     apart = [math.inf] * 3
     step = [0] * 3
+
+    # where along the ray the next face of each axis is, and how far apart they are
     for axis in range(3):
         if direction[axis] != 0:
             step[axis] = 1 if direction[axis] > 0 else -1
             face = voxel[axis] + (step[axis] > 0)
             reached[axis] = (face - start[axis]) / direction[axis]
             apart[axis] = step[axis] / direction[axis]
+
+    # through the nearest face, until something is there
     while min(reached) <= longest:
         axis = reached.index(min(reached))
         voxel[axis] += step[axis]

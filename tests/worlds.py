@@ -34,7 +34,7 @@ def box(low, high):
 
 
 def wall(start, end, door=None):
-    """Sample a wall from (x, y) to (x, y) along an axis, with a doorway, 2 m high, from ``door[0]`` to ``door[1]``."""
+    """Sample a wall from (x, y) to (x, y) along an axis; ``door``: from where to where along it."""
     axis = int(start[0] == end[0])
     if door is None:
         return rectangle([*start, 0.0], [*end, HEIGHT])
@@ -68,7 +68,7 @@ def table(low, high):
 
 
 def three_rooms():
-    """Rooms of 4 m x 4 m along x: a doorway between the first two, a closed wall before the third; a table in one."""
+    """Rooms of 4 m x 4 m along x: a table in one, a doorway to the second, the third is closed."""
     outside = [wall((0, y), (12, y)) for y in (0.0, 4.0)] + [
         wall((x, 0), (x, 4)) for x in (0.0, 12.0)
     ]
@@ -77,7 +77,7 @@ def three_rooms():
 
 
 def offices(rng, num_rooms=4):
-    """A corridor of 2 m with rooms of 4 m x 4 m on both sides of it, in each a cupboard, a table and a low box."""
+    """A corridor with rooms of 4 m x 4 m on both sides, in each a cupboard, a table and a box."""
     length = 4.0 * num_rooms / 2
     parts = [room((0, 0), (length, 10))]
     parts += [wall((0, y), (length, y)) for y in (0.0, 10.0)]

@@ -1,4 +1,7 @@
-"""The ``mcpseg`` command. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
+"""The ``mcpseg`` command.
+
+Heavy imports happen inside the commands, so that ``--help`` answers at once.
+"""
 
 import sys
 from io import TextIOWrapper

@@ -10,14 +10,24 @@ from typer.core import TyperGroup
 
 from mcpseg_cli.errors import McpsegError
 
-_NO_KERNEL_CACHE = "cannot cache function"
+_NO_KERNEL_CACHE = "cannot cache function"  # in numba's words
+_SET_KERNEL_CACHE = (
+    "compiled kernels cannot be kept: neither mcpseg's folder nor the home folder is writable; "
+    "set NUMBA_CACHE_DIR to a folder that is"
+)
+_OUT_OF_MEMORY = (
+    "out of memory; expected smaller scans or a smaller range; what is finished is kept"
+)
+_INTERRUPTED = (
+    "interrupted; what is finished is kept; run the same command again, without --overwrite"
+)
 
 
 class OneLineErrors(TyperGroup):
     """A command group that reports expected failures in one line, without a traceback."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the chosen command; McpsegError and OSError end it with exit 1, an interrupt with 130."""
+        """Run the chosen command; expected failures end it with exit 1, an interrupt with 130."""
         try:
             return super().invoke(ctx)
         except McpsegError as error:
@@ -28,33 +38,23 @@ class OneLineErrors(TyperGroup):
         except OSError as error:
             _fail(_explain(error), 1, error)
         except MemoryError as error:
-            _fail(
-                "out of memory; expected smaller scans or a smaller range; what is finished is kept",
-                1,
-                error,
-            )
+            _fail(_OUT_OF_MEMORY, 1, error)
         except RuntimeError as error:  # numba has no class of its own for this
             if not str(error).startswith(_NO_KERNEL_CACHE):
                 raise
-            _fail(
-                "compiled kernels cannot be kept: neither mcpseg's folder nor the home folder is writable; "
-                "set NUMBA_CACHE_DIR to a folder that is",
-                1,
-                error,
-            )
+            _fail(_SET_KERNEL_CACHE, 1, error)
         except KeyboardInterrupt as error:
-            _fail(
-                "interrupted; what is finished is kept; run the same command again, without --overwrite",
-                130,
-                error,
-            )
+            _fail(_INTERRUPTED, 130, error)
 
 
 def _explain(error: OSError) -> str:
     """Say what the operating system refused, what was expected and what to do."""
     place = f"{error.filename}: " if error.filename else ""
     if error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
-        advice = "expected room on the disk; make space and run the same command again, what is finished is kept"
+        advice = (
+            "expected room on the disk; make space and run the same command again, "
+            "what is finished is kept"
+        )
     elif isinstance(error, FileNotFoundError):
         advice = "expected an existing path; check its spelling"
     else:

@@ -12,18 +12,18 @@ from rich.text import Text
 
 
 def notice(line: str, *, quiet: bool = False, console: Console | None = None) -> None:
-    """Print one line on stderr unless ``quiet``; while a progress bar is up, through its ``console``."""
+    """Print one line on stderr unless ``quiet``; beside a progress bar, through its ``console``."""
     if not quiet:
         target = console or Console(stderr=True)
         target.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
 def progress_bar(title: str, *, quiet: bool) -> Progress:
-    """Make a progress bar on stderr; it shows nothing when ``quiet`` or when stderr is not a terminal.
+    """Make a progress bar on stderr.
 
     Args:
         title: What is being done.
-        quiet: Show nothing.
+        quiet: Show nothing, as when stderr is not a terminal.
 
     Returns:
         A context manager; its tasks have a field ``state`` for the text behind the bar.
@@ -49,6 +49,8 @@ def print_table(rows: Iterable[tuple[str, str]]) -> None:
         width = max(len(name) for name, _ in pairs)
         typer.echo("".join(f"{name:<{width}}  {value}\n" for name, value in pairs), nl=False)
         return
+
+    # values fold in their own column
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")

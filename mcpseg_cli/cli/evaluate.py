@@ -18,8 +18,9 @@ def evaluate(
         list[Path],
         typer.Argument(
             metavar="OUT GT",
-            help="OUT: folder that 'mcpseg segment' wrote, or one labelled cloud. GT: folder of labelled clouds, one "
-            "labelled cloud, an HDF5 building, or an area in the S3DIS layout.",
+            help="OUT: folder that 'mcpseg segment' wrote, or one labelled cloud. GT: folder of "
+            "labelled clouds, one labelled cloud, an HDF5 building, or an area in the S3DIS "
+            "layout.",
         ),
     ],
     as_json: Json = False,
@@ -72,10 +73,10 @@ def evaluate(
     """
     from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
+    # what cannot be done is said before anything is read
     if len(paths) % 2:
-        raise typer.BadParameter(
-            f"{len(paths)} paths; expected pairs of OUT and GT", param_hint="'OUT GT'"
-        )
+        found = f"{len(paths)} paths; expected pairs of OUT and GT"
+        raise typer.BadParameter(found, param_hint="'OUT GT'")
     if as_json and as_csv:
         raise typer.BadParameter("goes to stdout as --json does; choose one", param_hint="'--csv'")
     demands = parse_demands(fail_under or [])
@@ -83,8 +84,11 @@ def evaluate(
         from mcpseg_cli.evaluate.plots import prepare_plots
 
         prepare_plots(plot)
+
     runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
     document = _document(runs)
+
+    # the scores are printed and drawn before demands on them fail
     check_names(demands, document)
     _print(runs, document, as_json=as_json, as_csv=as_csv, rooms=rooms)
     if plot:
@@ -145,14 +149,13 @@ def _print(
 
 
 def _draw(folder: Path, runs: list[Scores]) -> None:
-    """Draw the pictures: of several runs, the sum of the confusion matrices and a curve for each."""
+    """Draw the pictures: of several runs, the sum of their confusion matrices and all curves."""
     from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans
 
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
     plot_confusion(folder / "confusion_matrix.png", confusion, runs[0].classes, runs[0].unit)
     plot_class_iou(folder / "class_iou.png", confusion, runs[0].classes)
-    curves = {
-        str(run.output): run.followed.curve for run in runs if run.followed and run.followed.curve
-    }
+    scanned = {str(run.output): run.scan_by_scan for run in runs}
+    curves = {name: scans.curve for name, scans in scanned.items() if scans and scans.curve}
     if curves:
         plot_over_scans(folder / "miou_over_scans.png", curves)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import CloudFormat, ColourChoice, Overwrite, Quiet, ViewChoice
+from mcpseg_cli.choices import CloudFormat, ColourBy, View
+from mcpseg_cli.cli.options import Overwrite, Quiet
 from mcpseg_cli.errors import OutputError
 
 if TYPE_CHECKING:
-    from mcpseg_cli.export.colours import ColourBy
     from mcpseg_cli.export.selection import Selection
     from mcpseg_cli.export.views import PictureSettings
     from mcpseg_cli.segment.labelled_run import LabelledRun
@@ -26,8 +25,8 @@ def export(
         str,
         typer.Argument(
             metavar="OUT",
-            help="Folder of a run of 'mcpseg segment', which may be in progress; for ONNX, a .safetensors file or the "
-            "name of bundled weights.",
+            help="Folder of a run of 'mcpseg segment', which may be in progress; for ONNX, a "
+            ".safetensors file or the name of bundled weights.",
         ),
     ],
     outputs: Annotated[
@@ -37,7 +36,7 @@ def export(
         ),
     ],
     color: Annotated[
-        ColourChoice | None,
+        ColourBy | None,
         typer.Option(
             help="What the colours of points say; default: rgb in clouds, class elsewhere."
         ),
@@ -64,16 +63,15 @@ def export(
     scans: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the input scans: write each with the final map's labels into the folder -o."
+            help="Folder of the input scans: write each with the final map's labels into the "
+            "folder -o."
         ),
     ] = None,
     split: Annotated[
         CloudFormat | None,
         typer.Option(help="Write a cloud of this format for each object into the folder -o."),
     ] = None,
-    view: Annotated[
-        ViewChoice, typer.Option(help="Where a picture is seen from.")
-    ] = ViewChoice.CUT,
+    view: Annotated[View, typer.Option(help="Where a picture is seen from.")] = "cut",
     cut: Annotated[
         float,
         typer.Option(
@@ -111,21 +109,21 @@ def export(
 
     if scans is not None and split is not None:
         raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
-    colour_by: ColourBy | None = None if color is None else color.value
     request = _Request(
         _selection(class_names, instances, min_confidence, box),
-        colour_by or "rgb",
-        PictureSettings(view.value, colour_by or "class", cut, yaw),
+        color or "rgb",
+        PictureSettings(view, color or "class", cut, yaw),
         scans,
-        split.value if split else None,
+        split,
     )
     run_folder = Path(source)
     check_targets(run_folder, outputs, fills_folder=bool(scans or split), overwrite=overwrite)
+
+    # weights have no run, a run has no weights
     if outputs[0].suffix.lower() == ".onnx":
         typer.echo(f"{outputs[0]}: {_export_weights(source, outputs[0])}")
-        return
-    with _progress(quiet=quiet) as advance:
-        _export_run(run_folder, outputs, request, advance)
+    else:
+        _export_run(run_folder, outputs, request, quiet=quiet)
 
 
 @dataclass(frozen=True)
@@ -139,21 +137,29 @@ class _Request:
     split: str | None
 
 
-Advance = Callable[[str, int, int], None]
+@dataclass
+class _Progress:
+    """How far the file at hand has got; whoever writes it tells."""
+
+    show: Callable[[str, int, int], None]
+    name: str = ""
+
+    def advance(self, completed: int, total: int) -> None:
+        """Show that so much of the file is done."""
+        self.show(self.name, completed, total)
 
 
-def _export_run(folder: Path, outputs: list[Path], request: _Request, advance: Advance) -> None:
+def _export_run(folder: Path, outputs: list[Path], request: _Request, *, quiet: bool) -> None:
     """Write everything from one moment of the run, and say what."""
     from mcpseg_cli.segment.labelled_run import LabelledRun
 
-    with LabelledRun(folder) as run:
+    with _progress_bar(quiet=quiet) as progress, LabelledRun(folder, progress.advance) as run:
         for output in outputs:
-            run.on_part = partial(advance, output.name)
-            done = (
-                _export_file(run, output, request)
-                if output.suffix
-                else _fill_folder(run, output, request, advance)
-            )
+            progress.name = output.name
+            if output.suffix:
+                done = _export_file(run, output, request)
+            else:
+                done = _fill_folder(run, output, request, progress)
             typer.echo(f"{output}: {done}")
 
 
@@ -162,50 +168,53 @@ def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:
     from mcpseg_cli.export.targets import CLOUDS, OBJECTS
 
     suffix = output.suffix.lower()
-    if suffix in CLOUDS:
-        from mcpseg_cli.export.map_cloud import write_map
-
-        return f"{write_map(run, output, request.selection, request.colour_by):,} points"
     if suffix in OBJECTS:
         from mcpseg_cli.export.object_list import write_objects
 
         return f"{write_objects(run, output, request.selection):,} objects"
-    if suffix == ".html":
+    if suffix in CLOUDS:
+        from mcpseg_cli.export.map_cloud import write_map
+
+        num_points = write_map(run, output, request.selection, request.colour_by)
+    elif suffix == ".html":
         from mcpseg_cli.export.html import write_html
 
-        return f"{write_html(run, output, request.selection, request.pictures.colour_by):,} points"
-    if suffix == ".rrd":
+        num_points = write_html(run, output, request.selection, request.pictures.colour_by)
+    elif suffix == ".rrd":
         from mcpseg_cli.export.rerun import write_recording
 
-        return f"{write_recording(run, output, request.selection, request.pictures.colour_by):,} points"
-    return _draw(run, output, request)
+        num_points = write_recording(run, output, request.selection, request.pictures.colour_by)
+    else:
+        num_points = _draw(run, output, request)
+    return f"{num_points:,} points"
 
 
-def _draw(run: LabelledRun, output: Path, request: _Request) -> str:
-    """Write a picture or a turntable."""
+def _draw(run: LabelledRun, output: Path, request: _Request) -> int:
+    """Write a picture or a turntable; return how many points it shows."""
     try:
         from mcpseg_cli.export.picture import write_picture, write_turntable
     except ModuleNotFoundError as error:
         raise OutputError(
             f"{output}: needs {error.name}; expected it installed; pip install 'mcpseg[plot]'"
         ) from error
-    if output.suffix.lower() == ".gif":
-        return f"{write_turntable(run, output, request.selection, request.pictures):,} points"
-    return f"{write_picture(run, output, request.selection, request.pictures):,} points"
+    write = write_turntable if output.suffix.lower() == ".gif" else write_picture
+    return write(run, output, request.selection, request.pictures)
 
 
-def _fill_folder(run: LabelledRun, output: Path, request: _Request, advance: Advance) -> str:
+def _fill_folder(run: LabelledRun, output: Path, request: _Request, progress: _Progress) -> str:
     """Write the relabelled scans, or a cloud for each object."""
     if request.scans is None:
         from mcpseg_cli.export.object_list import write_object_clouds
 
         suffix = f".{request.split}"
-        return f"{write_object_clouds(run, output, suffix, request.selection, request.colour_by):,} clouds"
+        count = write_object_clouds(run, output, suffix, request.selection, request.colour_by)
+        return f"{count:,} clouds"
+
     from mcpseg_cli.export.relabel import relabel_scans
 
     count = 0
     for count, path in enumerate(relabel_scans(run, request.scans, output), start=1):
-        advance(path.name, count, len(run.scans))
+        progress.show(path.name, count, len(run.scans))
     return f"{count:,} scans"
 
 
@@ -219,15 +228,17 @@ def _export_weights(name: str, output: Path) -> str:
 
 
 @contextmanager
-def _progress(*, quiet: bool) -> Iterator[Advance]:
-    """Show how far the file at hand has got."""
+def _progress_bar(*, quiet: bool) -> Iterator[_Progress]:
+    """Put up a bar for the file at hand."""
     from mcpseg_cli.cli.display import progress_bar
 
     with progress_bar("export", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
-        yield lambda name, completed, total: bar.update(
-            task, completed=completed, total=total, state=name
-        )
+
+        def show(name: str, completed: int, total: int) -> None:
+            bar.update(task, completed=completed, total=total, state=name)
+
+        yield _Progress(show)
 
 
 def _selection(
@@ -236,6 +247,7 @@ def _selection(
     """Read what is to be exported from the command line."""
     from mcpseg_cli.export.selection import Selection
 
+    # numbers, parted by commas
     try:
         ids = None if instances is None else tuple(int(word) for word in instances.split(","))
         corners = None if box is None else tuple(float(word) for word in box.split(","))
@@ -243,12 +255,18 @@ def _selection(
         raise typer.BadParameter(
             f"--instance takes whole numbers, --box numbers, parted by commas: {error}"
         ) from error
-    if corners is not None and (
-        len(corners) != 6
-        or not all(low <= high for low, high in zip(corners[:3], corners[3:], strict=True))
-    ):
+
+    # two corners, the lowest first; not a number is neither
+    if corners is not None and not _is_box(corners):
         raise typer.BadParameter(
             "--box takes x,y,z of the lowest corner, then x,y,z of the highest"
         )
+
     names = None if classes is None else tuple(name.strip() for name in classes.split(","))
     return Selection(names, ids, min_confidence, corners)
+
+
+def _is_box(corners: tuple[float, ...]) -> bool:
+    """Tell whether these are x, y, z of a lowest and of a highest corner."""
+    pairs = zip(corners[:3], corners[3:], strict=False)
+    return len(corners) == 6 and all(low <= high for low, high in pairs)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import typer
 
 from mcpseg_cli.errors import BelowThresholdError
-from mcpseg_cli.evaluate.dotted_names import bounded_figures
+from mcpseg_cli.evaluate.dotted_names import bounded_metrics
 
 _HINT = "'--fail-under'"
 _PARTS = ("pooled.", "mean.")
@@ -26,6 +26,7 @@ def parse_demands(demands: Sequence[str]) -> dict[str, float]:
             value = float(text)
         except ValueError:
             value = float("nan")
+
         if not name or not abs(value) < float("inf"):
             raise typer.BadParameter(
                 f"{demand!r} is not a figure and a number, such as miou=0.35", param_hint=_HINT
@@ -35,42 +36,37 @@ def parse_demands(demands: Sequence[str]) -> dict[str, float]:
 
 
 def check_names(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
-    """Refuse demands that name no figure.
+    """Refuse demands that name no metric.
 
     Args:
         demands: Least value by name.
         document: The scores.
 
     Raises:
-        typer.BadParameter: Names the first such demand and lists the figures there are.
+        typer.BadParameter: Names the first such demand and lists the metrics there are.
     """
-    figures = bounded_figures(document)
+    metrics = bounded_metrics(document)
+    plain = [name for name in metrics if ".by_room." not in name and not name.startswith(_PARTS)]
     for name in demands:
-        if name not in figures:
-            listed = [
-                known
-                for known in figures
-                if ".by_room." not in known and not known.startswith(_PARTS)
-            ]
-            raise typer.BadParameter(
-                f"no figure {name!r}; there are {', '.join(listed)}", param_hint=_HINT
-            )
+        if name not in metrics:
+            found = f"no figure {name!r}; there are {', '.join(plain)}"
+            raise typer.BadParameter(found, param_hint=_HINT)
 
 
 def check_demands(demands: Mapping[str, float], document: Mapping[str, object]) -> None:
-    """Compare figures with demands that ``check_names`` has passed.
+    """Compare metrics with demands that ``check_names`` has passed.
 
     Args:
         demands: Least value by name.
         document: The scores.
 
     Raises:
-        BelowThresholdError: Names every figure that is below, in one line.
+        BelowThresholdError: Names every metric that is below, in one line.
     """
-    figures = bounded_figures(document)
+    metrics = bounded_metrics(document)
     failed = []
     for name, least in demands.items():
-        value = figures[name]
+        value = metrics[name]
         if value is None:
             failed.append(f"{name} has no value (the class is nowhere), demanded {least:g}")
         elif value < least:

@@ -36,6 +36,8 @@ def import_weights(
         raise OutputError(
             f"{output}: exists; expected a new file; choose another -o or give --overwrite"
         )
+
+    # TensorFlow names a checkpoint without the ending of its files
     prefix = checkpoint.with_suffix("") if checkpoint.suffix == ".index" else checkpoint
     network, info = import_checkpoint(prefix)
     save_weights(output, network, info)

@@ -1,85 +1,9 @@
 """Options that mean the same, under the same name and letter, in every command."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
-
-
-class FrameChoice(StrEnum):
-    """Frame of the scans' coordinates."""
-
-    MAP = "map"
-    SENSOR = "sensor"
-
-
-class MethodChoice(StrEnum):
-    """What tables I and II compare."""
-
-    MCPNET = "mcpnet"
-    MCPNET_NOCONTEXT = "mcpnet-nocontext"
-    POINTNET = "pointnet"
-    POINTNET2 = "pointnet2"
-    SGPN = "sgpn"
-    VOXNET = "voxnet"
-    REGION_GROWING = "region-growing"
-
-
-class PrecisionChoice(StrEnum):
-    """Arithmetic of context pooling."""
-
-    AUTO = "auto"
-    FP32 = "fp32"
-    BF16 = "bf16"
-
-
-class FormatChoice(StrEnum):
-    """Formats clouds are written in."""
-
-    PLY = "ply"
-    LAS = "las"
-    LAZ = "laz"
-    NPZ = "npz"
-    PCD = "pcd"
-
-
-class CloudFormat(StrEnum):
-    """Formats that labelled maps and objects are exported to."""
-
-    PLY = "ply"
-    LAS = "las"
-    LAZ = "laz"
-    PCD = "pcd"
-    NPZ = "npz"
-    H5 = "h5"
-    E57 = "e57"
-
-
-class ColourChoice(StrEnum):
-    """What the colours of points say."""
-
-    RGB = "rgb"
-    CLASS = "class"
-    INSTANCE = "instance"
-    EMBEDDING = "embedding"
-    CONFIDENCE = "confidence"
-
-
-class ViewChoice(StrEnum):
-    """Where a picture is seen from."""
-
-    TOP = "top"
-    CUT = "cut"
-    PERSPECTIVE = "perspective"
-
-
-class OnErrorChoice(StrEnum):
-    """What to do about a scan that cannot be read."""
-
-    STOP = "stop"
-    SKIP = "skip"
-
 
 OutputFolder = Annotated[
     Path, typer.Option("-o", "--output", help="Folder for the results; a run in it is continued.")

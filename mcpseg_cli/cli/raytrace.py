@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import os
-from enum import StrEnum
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import FormatChoice, Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.choices import ScanFormat, Scanner
+from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.building import Building
     from mcpseg_cli.config import RaytraceSettings
-    from mcpseg_cli.raytrace.drive import Drive, Waypoints
+    from mcpseg_cli.raytrace.record import RaytraceReport
     from mcpseg_cli.raytrace.run import RaytraceRun
 
-
-class ScannerChoice(StrEnum):
-    """What the simulated scanner covers."""
-
-    PAPER = "paper"
-    AUTHORS = "authors"
-
-
-_FEW_POINTS = 4.0  # a voxel; with fewer, a surface has voxels without any
 _Metres = float | None
 _Degrees = float | None
 
@@ -37,7 +29,8 @@ def raytrace(
         list[Path],
         typer.Argument(
             metavar="AREA",
-            help="Areas or rooms in the S3DIS layout, HDF5 files or labelled clouds (PLY, LAS, NPZ).",
+            help="Areas or rooms in the S3DIS layout, HDF5 files "
+            "or labelled clouds (PLY, LAS, NPZ).",
         ),
     ],
     output: Annotated[
@@ -45,23 +38,25 @@ def raytrace(
         typer.Option(
             "-o",
             "--output",
-            help="Folder for the scans; for several areas, a folder in it each.  [default: data/AREA]",
+            help="Folder for the scans; for several areas, a folder in it each.  "
+            "[default: data/AREA]",
         ),
     ] = None,
     step: Annotated[float, typer.Option(metavar="METRES", help="Way between two scans.")] = 0.2,
     waypoints: Annotated[
         Path | None,
         typer.Option(
-            help="File of 'x y' lines to drive past; default: scan_spots.txt of the area, else automatic."
+            help="File of 'x y' lines to drive past; "
+            "default: scan_spots.txt of the area, else automatic."
         ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Also draw floor plan, route and scan positions (PNG).")
     ] = None,
     scanner: Annotated[
-        ScannerChoice,
+        Scanner,
         typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program."),
-    ] = ScannerChoice.PAPER,
+    ] = "paper",
     v_min: Annotated[
         _Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")
     ] = None,
@@ -90,7 +85,7 @@ def raytrace(
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
-    format: Annotated[FormatChoice, typer.Option(help="Format of the clouds.")] = FormatChoice.PLY,  # noqa: A002
+    format: Annotated[ScanFormat, typer.Option(help="Format of the clouds.")] = "ply",  # noqa: A002
     cache: Annotated[
         Path | None,
         typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]"),
@@ -134,20 +129,28 @@ def raytrace(
             "dropout": dropout,
             "seed": seed,
         },
-        _OPTIONS,
-        before=AUTHORS_SCANNER if scanner is ScannerChoice.AUTHORS else None,
+        before=AUTHORS_SCANNER if scanner == "authors" else None,
     )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")
+
+    # area after area, each with its own table
     task = _Task(
-        settings, f".{format.value}", number_of_jobs(jobs), cache, overwrite, quiet, as_json
+        settings=settings,
+        suffix=f".{format}",
+        jobs=number_of_jobs(jobs),
+        cache=cache,
+        overwrite=overwrite,
+        quiet=quiet,
+        show=not (quiet or as_json),
     )
     documents = []
     for area, folder in zip(areas, folders, strict=True):
-        documents.append(task.trace(area, folder, waypoints, plot))
+        report = task.trace(area, folder, waypoints, plot)
+        documents.append(report.model_dump(mode="json"))
         if not as_json:
-            print_table(_rows(documents[-1]))
+            print_table(_rows(report))
     if as_json:
         typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
 
@@ -169,64 +172,50 @@ def _name_of(area: Path) -> str:
     return Path(os.path.abspath(area)).name  # noqa: PTH100
 
 
-_OPTIONS = {
-    "reach": "--range",
-    "lowest_deg": "--v-min",
-    "highest_deg": "--v-max",
-    "horizontal_deg": "--h-res",
-    "vertical_deg": "--v-res",
-}
-
-
+@dataclass(frozen=True)
 class _Task:
-    """What all areas of one command have in common."""
+    """What all areas of one command have in common.
 
-    def __init__(
-        self,
-        settings: RaytraceSettings,
-        suffix: str,
-        jobs: int,
-        cache: Path | None,
-        overwrite: bool,
-        quiet: bool,
-        as_json: bool,
-    ) -> None:
-        self.settings, self.suffix, self.jobs, self.cache = settings, suffix, jobs, cache
-        self.overwrite, self.quiet, self.show = overwrite, quiet, not (quiet or as_json)
+    Attributes:
+        settings: Scanner and route.
+        suffix: Ending of the clouds.
+        jobs: Threads.
+        cache: Folder for parsed areas.
+        overwrite: Replace earlier scans.
+        quiet: Say nothing of what was noticed.
+        show: Show progress.
+    """
+
+    settings: RaytraceSettings
+    suffix: str
+    jobs: int
+    cache: Path | None
+    overwrite: bool
+    quiet: bool
+    show: bool
 
     def trace(
-        self, area: Path, folder: Path, given: Path | None, plot: Path | None
-    ) -> dict[str, object]:
+        self, area: Path, folder: Path, given: Path | None, picture: Path | None
+    ) -> RaytraceReport:
         """Trace one area; return what there is to say about it."""
+        import resource
+
         from mcpseg_cli.raytrace.drive import find_waypoints
-        from mcpseg_cli.raytrace.route_plot import plot_route
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
         from mcpseg_cli.resumable import exclusive
 
         started = perf_counter()
         waypoints = find_waypoints(area, given)
         building = self._read(area)
-        request = RaytraceRequest(_name_of(area), self.settings, self.suffix, waypoints.identity)
+        request = RaytraceRequest(_name_of(area), self.settings, self.suffix, waypoints)
+
         with exclusive(folder):
             run = RaytraceRun(folder, building, request, overwrite=self.overwrite)
-            self._warn_of_gaps(run)
-            if run.poses is None or plot is not None:
-                drive = self._plan(run, waypoints)
-                if plot is not None:
-                    plot_route(plot, drive.plan, drive.route, building)
-                if run.poses is None:
-                    run.start(drive.route.poses, drive.record())
+            self._plan(run, picture)
             self._scan(run)
-        return _document(run, building, perf_counter() - started)
 
-    def _warn_of_gaps(self, run: RaytraceRun) -> None:
-        """Say when the points are so far apart that rays slip through surfaces."""
-        from mcpseg_cli.cli.display import notice
-
-        share = len(run.scanner.building) / len(run.scanner.grid)
-        if share < _FEW_POINTS:
-            advice = f"rays may pass through walls; give a --voxel-size above {self.settings.voxel_size:g}"
-            notice(f"mcpseg: only {share:.1f} points a voxel: {advice}", quiet=self.quiet)
+        peak_memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return run.report(perf_counter() - started, peak_memory_mb)
 
     def _read(self, area: Path) -> Building:
         """Read the building under a progress bar; say what was noticed."""
@@ -244,10 +233,9 @@ class _Task:
             notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
         return building
 
-    def _plan(self, run: RaytraceRun, waypoints: Waypoints) -> Drive:
-        """Plan the route under a progress bar; name what the robot cannot reach."""
+    def _plan(self, run: RaytraceRun, picture: Path | None) -> None:
+        """Plan the route under a progress bar; say what was noticed."""
         from mcpseg_cli.cli.display import notice, progress_bar
-        from mcpseg_cli.raytrace.drive import plan_drive
 
         with progress_bar("plan route", quiet=not self.show) as bar:
             task = bar.add_task("", total=None, state="")
@@ -255,68 +243,33 @@ class _Task:
             def progress(done: int, total: int) -> None:
                 bar.update(task, completed=done, total=total, state="places looked from")
 
-            drive = plan_drive(run.scanner, waypoints, threads=self.jobs, progress=progress)
-        if drive.unreachable:
-            notice(f"mcpseg: cannot be reached: {', '.join(drive.unreachable)}", quiet=self.quiet)
-        if drive.hardly_reached:
-            rooms = ", ".join(
-                f"{room} ({share:.0%})" for room, share in drive.hardly_reached.items()
-            )
-            notice(
-                f"mcpseg: less than half of the free floor can be reached in: {rooms}",
-                quiet=self.quiet,
-            )
-        if len(drive.route.skipped):
-            places = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in drive.route.skipped.tolist())
-            notice(f"mcpseg: waypoints not on free floor, skipped: {places}", quiet=self.quiet)
-        return drive
+            def notify(line: str) -> None:
+                notice(f"mcpseg: {line}", quiet=self.quiet, console=bar.console)
+
+            run.plan(threads=self.jobs, picture=picture, progress=progress, notify=notify)
 
     def _scan(self, run: RaytraceRun) -> None:
         """Make the scans that are missing under a progress bar."""
         from mcpseg_cli.cli.display import notice, progress_bar
 
-        assert run.poses is not None
         if run.is_complete:
             notice(f"mcpseg: {run.folder}: nothing to do: all scans are made", quiet=self.quiet)
             return
         with progress_bar("scan", quiet=not self.show) as bar:
-            task = bar.add_task("", total=len(run.poses), state="")
+            task = bar.add_task("", total=run.num_scans, state="")
             for scan in run.run(self.jobs):
                 bar.update(task, advance=1, state=f"{scan.num_points:,} points")
 
 
-def _document(run: RaytraceRun, building: Building, seconds: float) -> dict[str, object]:
-    """Say what a finished run made."""
-    import resource
-
-    import numpy as np
-
-    assert run.record is not None
-    keys = ("source", "scans", "points", "voxels", "voxels_seen", "objects_seen", "route")
-    return {
-        **{key: run.record[key] for key in keys},
-        "building_points": len(building),
-        "objects": len(building.object_names)
-        or int(np.count_nonzero(np.unique(building.instance) > 0)),
-        "output": str(run.folder),
-        "seconds": round(seconds, 2),
-        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
-    }
-
-
-def _rows(document: dict[str, object]) -> list[tuple[str, str]]:
-    """Lay a document out as the rows of a table."""
-    route = document["route"]
-    assert isinstance(route, dict)
+def _rows(report: RaytraceReport) -> list[tuple[str, str]]:
+    """Lay a report out as the rows of a table."""
+    route, size = report.route, f"{report.building_points:,} points, {report.objects:,} objects"
     return [
-        (
-            "building",
-            f"{document['source']}: {document['building_points']:,} points, {document['objects']:,} objects",
-        ),
-        ("route", f"{route['length_m']:,.1f} m past {route['waypoints']:,} waypoints"),
-        ("scans", f"{document['scans']:,}, {document['points']:,} points"),
-        ("voxels seen", f"{document['voxels_seen']:,} of {document['voxels']:,}"),
-        ("objects seen", f"{document['objects_seen']:,} of {document['objects']:,}"),
-        ("time", f"{document['seconds']:,.1f} s, peak memory {document['peak_memory_mb']:,.0f} MB"),
-        ("output", str(document["output"])),
+        ("building", f"{report.source}: {size}"),
+        ("route", f"{route.length_m:,.1f} m past {route.waypoints:,} waypoints"),
+        ("scans", f"{report.scans:,}, {report.points:,} points"),
+        ("voxels seen", f"{report.voxels_seen:,} of {report.voxels:,}"),
+        ("objects seen", f"{report.objects_seen:,} of {report.objects:,}"),
+        ("time", f"{report.seconds:,.1f} s, peak memory {report.peak_memory_mb:,.0f} MB"),
+        ("output", report.output),
     ]

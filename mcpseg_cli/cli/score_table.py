@@ -1,4 +1,4 @@
-"""Scores as people and spreadsheets read them: a table on a terminal, aligned text otherwise, CSV."""
+"""Scores as people and spreadsheets read them: a table on a terminal, else aligned text, or CSV."""
 
 from __future__ import annotations
 
@@ -13,11 +13,68 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mcpseg_cli.evaluate.dotted_names import Figure, flatten
+from mcpseg_cli.evaluate.dotted_names import Metric, flatten
 from mcpseg_cli.evaluate.run import Scores
 
-Column = tuple[str, Mapping[str, Figure]]
-"""A title and figures by dotted name."""
+Column = tuple[str, Mapping[str, Metric]]
+"""A title and metrics by dotted name."""
+
+_COUNTS = (
+    "points", "covered", "uncovered", "labelled", "unlabelled", "unpredicted", "in_objects",
+    "truth_points", "truth_uncovered", "without_room",
+)  # fmt: skip
+_CLUSTERS = (
+    "objects_true", "objects_pred", "cluster_ratio", "nmi", "ami", "ari",
+    "homogeneity", "completeness", "v_measure",
+)  # fmt: skip
+_OBJECTS = ("object_accuracy", "precision_50", "mcov", "mwcov", "mprec", "mrec")
+_PANOPTIC = (
+    "pq", "sq", "rq", "pq_with_stuff", "sq_with_stuff", "rq_with_stuff",
+    "pq_things", "pq_stuff", "pq_dagger",
+)  # fmt: skip
+_PRECISION = ("ap", "ap50", "ap25", "ap_agnostic", "ap50_agnostic", "ap25_agnostic")
+_BY_ROOM = (
+    "rooms", "point_accuracy", "miou_present", *_CLUSTERS, *_OBJECTS, *_PANOPTIC, *_PRECISION,
+)  # fmt: skip
+
+_SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "points (unit: {unit}, {over}; pairing: {pairing}; class table from: {classes_from})",
+        _COUNTS,
+    ),
+    (
+        "classes (unit: {unit}, {over}; "
+        "absent classes count 0 in miou, are left out of miou_present)",
+        ("point_accuracy", "mean_class_accuracy", "miou", "miou_present", "iou."),
+    ),
+    ("clusters ({over}; {unit}s of true objects, classes ignored)", _CLUSTERS),
+    ("objects ({over}; IoU over 0.5 and same class)", _OBJECTS),
+    (
+        "panoptic quality ({over}; every class a thing; "
+        "with_stuff: ceiling, floor and wall are stuff)",
+        _PANOPTIC,
+    ),
+    (
+        "average precision ({over}; as ScanNet: IoU 0.50 to 0.90, {min_points} {unit}s and more; "
+        "ranked by {ranked_by})",
+        _PRECISION,
+    ),
+    (
+        "by room: points and clusters are means over rooms, objects match within rooms",
+        tuple(f"rooms.{name}" for name in _BY_ROOM),
+    ),
+    ("scans", ("scans", "skipped")),
+    ("milliseconds per scan, reading and writing included (events.jsonl)", ("ms_per_scan.",)),
+    (
+        "stability of labels (unit: {unit} in a scan, against the scan that saw it before)",
+        ("stability.",),
+    ),
+    (
+        "map so far, mean over all scans",
+        ("over_scans.mean_miou_present", "over_scans.mean_point_accuracy"),
+    ),
+)
+"""Headings, and the metrics under each: dotted names, or all below a name that ends in a dot."""
 
 _ROOM_COLUMNS = ("points", "point_accuracy", "miou_present", "nmi", "ami", "ari", "cluster_ratio")
 
@@ -51,8 +108,8 @@ def score_blocks(
     Returns:
         Headings say the unit and the protocol; lines without any value are left out.
     """
-    columns = _columns(runs, document)
-    facts = {
+    # what headings say of the protocol
+    protocol = {
         "unit": _distinct(run.unit for run in runs),
         "pairing": _distinct(run.pairing for run in runs),
         "classes_from": _distinct(run.classes_from for run in runs),
@@ -60,75 +117,50 @@ def score_blocks(
         "ranked_by": _distinct(run.ranked_by for run in runs),
         "min_points": str(runs[0].objects.ap_min_points),
     }
-    blocks = []
-    for title, names in SECTIONS:
-        used = [
-            column
-            for column in columns
-            if any(row[1] != "-" for name in names for row in _rows(name, [column]))
-        ]
-        rows = [row for name in names for row in _rows(name, used)]
-        if rows:
-            blocks.append(
-                Block(title.format(**facts), tuple(title for title, _ in used), tuple(rows))
-            )
+
+    # the sections that have anything to say
+    columns = _columns(runs, document)
+    blocks = [_block(title.format(**protocol), names, columns) for title, names in _SECTIONS]
+    blocks = [block for block in blocks if block.rows]
+
     if with_rooms:
         blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
     return blocks
 
 
 def print_blocks(blocks: Sequence[Block]) -> None:
-    """Print blocks on stdout: tables on a terminal, plain aligned text with ``#`` before headings otherwise."""
+    """Print blocks on stdout.
+
+    Tables on a terminal, otherwise plain aligned text with ``#`` before headings.
+    """
     console = Console(soft_wrap=True)
-    if console.is_terminal:
-        for block in blocks:
-            _print_rich(console, block)
-        return
     width = max(len(row[0]) for block in blocks for row in block.rows)
     for block in blocks:
-        typer.echo(f"# {block.title}")
-        lines = [("", *block.columns)] if len(block.columns) > 1 else []
-        lines += block.rows
-        widths = [
-            max(9, *(len(line[column]) for line in lines))
-            for column in range(1, len(block.columns) + 1)
-        ]
-        for name, *values in lines:
-            cells = (f"{value:>{size}}" for value, size in zip(values, widths, strict=True))
-            typer.echo(f"{name:<{width}}  {'  '.join(cells)}")
+        if console.is_terminal:
+            _print_rich(console, block)
+        else:
+            _print_plain(block, width)
 
 
 def print_csv(runs: Sequence[Scores], document: Mapping[str, object]) -> None:
-    """Print CSV on stdout: a line for every run, every room and their mean, and for several runs pooled and mean."""
-    lines: list[dict[str, Figure]] = []
-    for run in runs:
-        named: dict[str, Figure] = {"out": str(run.output), "gt": str(run.truth), "unit": run.unit}
-        whole = run.document()
-        rooms = whole.pop("rooms")
-        lines.append({**named, **flatten(whole)})
-        if run.rooms and isinstance(rooms, dict):
-            by_room = rooms.pop("by_room")
-            lines += [
-                {**named, "scored_over": "room", "room": name, **flatten(by_room[name])}
-                for name in by_room
-            ]
-            lines.append({**named, "room": "(mean)", **flatten(rooms)})
+    """Print CSV on stdout.
+
+    A line for every run, every room and their mean, and for several runs pooled and mean.
+    """
+    lines = [line for run in runs for line in _csv_lines(run)]
     for part in ("pooled", "mean"):
-        figures = document.get(part)
-        if isinstance(figures, dict):
-            lines.append({"out": f"({part})", **flatten(figures)})
-    names = list(
-        dict.fromkeys(
-            ["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]
-        )
-    )
-    writer = csv.DictWriter(sys.stdout, names, restval="", lineterminator="\n")
+        metrics = document.get(part)
+        if isinstance(metrics, dict):
+            lines.append({"out": f"({part})", **flatten(metrics)})
+
+    names = ["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]
+    writer = csv.DictWriter(sys.stdout, list(dict.fromkeys(names)), restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
 
 
 def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Column]:
-    """Choose the columns: the map and its rooms of one run; every run, pooled and mean of several."""
+    """Choose the columns: map and rooms of one run; every run, pooled and mean of several."""
     if len(runs) == 1:
         flat = flatten(document)
         whole = {name: value for name, value in flat.items() if not name.startswith("rooms.")}
@@ -136,6 +168,7 @@ def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Col
             return [("whole map", whole)]
         title = f"by room ({len(runs[0].rooms.rooms)})"
         return [("whole map", whole), (title, _without("rooms.", flat))]
+
     parts = [("pooled", document["pooled"]), ("mean", document["mean"])]
     columns: list[Column] = [
         (name, flatten(run.document())) for name, run in zip(_names(runs), runs, strict=True)
@@ -143,8 +176,8 @@ def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Col
     return columns + [(title, flatten(part)) for title, part in parts if isinstance(part, Mapping)]
 
 
-def _without(prefix: str, flat: Mapping[str, Figure]) -> dict[str, Figure]:
-    """Take the figures whose names have the prefix, without it."""
+def _without(prefix: str, flat: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Take the metrics whose names have the prefix, without it."""
     return {
         name.removeprefix(prefix): value for name, value in flat.items() if name.startswith(prefix)
     }
@@ -157,8 +190,28 @@ def _names(runs: Sequence[Scores]) -> list[str]:
     return short if len(set(short)) == len(short) else [str(path) for path in paths]
 
 
+def _block(title: str, names: Sequence[str], columns: Sequence[Column]) -> Block:
+    """Lay out some metrics in the columns that have a value for any of them."""
+    used = [
+        column
+        for column in columns
+        if any(row[1] != "-" for name in names for row in _rows(name, [column]))
+    ]
+    rows = [row for name in names for row in _rows(name, used)]
+    return Block(title, tuple(title for title, _ in used), tuple(rows))
+
+
+def _room_block(run: Scores, is_named: bool) -> Block:
+    """Lay out a line for every room of a run."""
+    assert run.rooms is not None
+    flat = [(room.name, flatten(room.document())) for room in run.rooms.rooms]
+    rows = [(name, *(_text(metrics[column]) for column in _ROOM_COLUMNS)) for name, metrics in flat]
+    title = f"rooms of {run.output}" if is_named else "rooms"
+    return Block(f"{title}, each by itself", _ROOM_COLUMNS, tuple(rows))
+
+
 def _rows(name: str, columns: Sequence[Column]) -> list[tuple[str, ...]]:
-    """Give the lines of a figure, or of all figures below ``name.``; none where it is not known."""
+    """Give the line of a metric, or of all metrics below ``name.``; none where it is not known."""
     if name.endswith("."):
         below = dict.fromkeys(key for _, flat in columns for key in flat if key.startswith(name))
         return [row for key in below for row in _rows(key, columns)]
@@ -167,8 +220,8 @@ def _rows(name: str, columns: Sequence[Column]) -> list[tuple[str, ...]]:
     return [(name.replace(".", " "), *(_text(flat.get(name)) for _, flat in columns))]
 
 
-def _text(value: Figure) -> str:
-    """Write a figure for reading."""
+def _text(value: Metric) -> str:
+    """Write a metric for reading."""
     if value is None:
         return "-"
     if isinstance(value, float):
@@ -181,13 +234,16 @@ def _distinct(texts: Iterable[str]) -> str:
     return " or ".join(dict.fromkeys(texts))
 
 
-def _room_block(run: Scores, is_named: bool) -> Block:
-    """Lay out a line for every room of a run."""
-    assert run.rooms is not None
-    flat = [(room.name, flatten(room.document())) for room in run.rooms.rooms]
-    rows = [(name, *(_text(figures[column]) for column in _ROOM_COLUMNS)) for name, figures in flat]
-    title = f"rooms of {run.output}" if is_named else "rooms"
-    return Block(f"{title}, each by itself", _ROOM_COLUMNS, tuple(rows))
+def _print_plain(block: Block, width: int) -> None:
+    """Print one block as aligned text, names in so many letters."""
+    typer.echo(f"# {block.title}")
+    lines = [("", *block.columns)] if len(block.columns) > 1 else []
+    lines += block.rows
+    columns = range(1, len(block.columns) + 1)
+    widths = [max(9, *(len(line[column]) for line in lines)) for column in columns]
+    for name, *values in lines:
+        cells = (f"{value:>{size}}" for value, size in zip(values, widths, strict=True))
+        typer.echo(f"{name:<{width}}  {'  '.join(cells)}")
 
 
 def _print_rich(console: Console, block: Block) -> None:
@@ -204,88 +260,14 @@ def _print_rich(console: Console, block: Block) -> None:
     console.print(table, markup=False, highlight=False, emoji=False)
 
 
-_CLUSTERS = (
-    "objects_true",
-    "objects_pred",
-    "cluster_ratio",
-    "nmi",
-    "ami",
-    "ari",
-    "homogeneity",
-    "completeness",
-    "v_measure",
-)
-
-
-_OBJECTS = ("object_accuracy", "precision_50", "mcov", "mwcov", "mprec", "mrec")
-
-
-_PANOPTIC = (
-    "pq",
-    "sq",
-    "rq",
-    "pq_with_stuff",
-    "sq_with_stuff",
-    "rq_with_stuff",
-    "pq_things",
-    "pq_stuff",
-    "pq_dagger",
-)
-
-
-_PRECISION = ("ap", "ap50", "ap25", "ap_agnostic", "ap50_agnostic", "ap25_agnostic")
-
-
-_ALL_OBJECTS = (*_OBJECTS, *_PANOPTIC, *_PRECISION)
-
-
-SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    (
-        "points (unit: {unit}, {over}; pairing: {pairing}; class table from: {classes_from})",
-        (
-            "points",
-            "covered",
-            "uncovered",
-            "labelled",
-            "unlabelled",
-            "unpredicted",
-            "in_objects",
-            "truth_points",
-            "truth_uncovered",
-            "without_room",
-        ),
-    ),
-    (
-        "classes (unit: {unit}, {over}; absent classes count 0 in miou, are left out of miou_present)",
-        ("point_accuracy", "mean_class_accuracy", "miou", "miou_present", "iou."),
-    ),
-    ("clusters ({over}; {unit}s of true objects, classes ignored)", _CLUSTERS),
-    ("objects ({over}; IoU over 0.5 and same class)", _OBJECTS),
-    (
-        "panoptic quality ({over}; every class a thing; with_stuff: ceiling, floor and wall are stuff)",
-        _PANOPTIC,
-    ),
-    (
-        "average precision ({over}; as ScanNet: IoU 0.50 to 0.90, {min_points} {unit}s and more; "
-        "ranked by {ranked_by})",
-        _PRECISION,
-    ),
-    (
-        "by room: points and clusters are means over rooms, objects match within rooms",
-        tuple(
-            f"rooms.{name}"
-            for name in ("rooms", "point_accuracy", "miou_present", *_CLUSTERS, *_ALL_OBJECTS)
-        ),
-    ),
-    ("scans", ("scans", "skipped")),
-    ("milliseconds per scan, reading and writing included (events.jsonl)", ("ms_per_scan.",)),
-    (
-        "stability of labels (unit: {unit} in a scan, against the scan that saw it before)",
-        ("stability.",),
-    ),
-    (
-        "map so far, mean over all scans",
-        ("over_scans.mean_miou_present", "over_scans.mean_point_accuracy"),
-    ),
-)
-"""Headings, and the figures under each: dotted names, or all below a name that ends in a dot."""
+def _csv_lines(run: Scores) -> list[dict[str, Metric]]:
+    """Give the lines of a run: the whole map, every room by itself and the mean of the rooms."""
+    named: dict[str, Metric] = {"out": str(run.output), "gt": str(run.truth), "unit": run.unit}
+    whole = run.document()
+    rooms = whole.pop("rooms")
+    lines = [{**named, **flatten(whole)}]
+    if isinstance(rooms, dict):
+        for name, metrics in rooms.pop("by_room").items():
+            lines.append({**named, "scored_over": "room", "room": name, **flatten(metrics)})
+        lines.append({**named, "room": "(mean)", **flatten(rooms)})
+    return lines

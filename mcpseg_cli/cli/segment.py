@@ -7,22 +7,19 @@ import shlex
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcpseg_cli.choices import Frame, Method, OnError, Precision, ScanFormat
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
-    FormatChoice,
-    FrameChoice,
     Json,
-    MethodChoice,
-    OnErrorChoice,
     OutputFolder,
     Overwrite,
-    PrecisionChoice,
     Quiet,
     Seed,
     Verbose,
@@ -34,6 +31,8 @@ if TYPE_CHECKING:
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
+
+_FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
 def segment(
@@ -50,22 +49,22 @@ def segment(
     output: OutputFolder,
     weights: WeightsName = None,
     method: Annotated[
-        MethodChoice | None,
+        Method | None,
         typer.Option(
-            help="What labels: a network, or region-growing by normals and colour, which needs no weights and gives "
-            "objects without classes (255).  [default: the network of --weights, else mcpnet]"
+            help="What labels: a network, or region-growing by normals and colour, which needs no "
+            "weights and gives objects without classes (255).  "
+            "[default: the network of --weights, else mcpnet]"
         ),
     ] = None,
     offline: Annotated[
         bool,
         typer.Option(
             "--offline",
-            help="Read all scans first, then label the complete cloud in columns of 1 m; in one transaction.",
+            help="Read all scans first, then label the complete cloud in columns of 1 m; "
+            "in one transaction.",
         ),
     ] = False,
-    frame: Annotated[
-        FrameChoice, typer.Option(help="Frame of the scans' coordinates.")
-    ] = FrameChoice.MAP,
+    frame: Annotated[Frame, typer.Option(help="Frame of the scans' coordinates.")] = "map",
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
@@ -80,8 +79,9 @@ def segment(
     similarity: Annotated[
         float | None,
         typer.Option(
-            help="Cosine similarity, -1 to 1, above which neighbours join one object; default: the network's own, "
-            "0.9 for MCPNet. Networks without embedding join neighbours of one class instead."
+            help="Cosine similarity, -1 to 1, above which neighbours join one object; default: the "
+            "network's own, 0.9 for MCPNet. Networks without embedding join neighbours of one "
+            "class instead."
         ),
     ] = None,
     floor: Annotated[
@@ -92,20 +92,21 @@ def segment(
         ),
     ] = "map",
     format: Annotated[  # noqa: A002
-        FormatChoice | None,
+        ScanFormat | None,
         typer.Option(help="Format of the labelled scans; default: each scan's own."),
     ] = None,
     on_error: Annotated[
-        OnErrorChoice, typer.Option(help="What to do about a scan that cannot be read.")
-    ] = OnErrorChoice.STOP,
+        OnError, typer.Option(help="What to do about a scan that cannot be read.")
+    ] = "stop",
     precision: Annotated[
-        PrecisionChoice, typer.Option(help="auto is bf16 where the processor has it.")
-    ] = PrecisionChoice.AUTO,
+        Precision, typer.Option(help="auto is bf16 where the processor has it.")
+    ] = "auto",
     rerun: Annotated[
         str | None,
         typer.Option(
             metavar="spawn|URL|FILE.rrd",
-            help="Show the map growing in the Rerun viewer: start one, connect to one, or write a file for one.",
+            help="Show the map growing in the Rerun viewer: start one, connect to one, or write a "
+            "file for one.",
         ),
     ] = None,
     device: Device = "cpu",
@@ -127,68 +128,46 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
-      mcpseg segment scans/ poses.csv -o out/ --method pointnet --offline -w
-      pointnet-holdout6.safetensors
+      mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
-    from mcpseg_cli.cli.display import notice
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
 
-    settings = settings_of(
-        SegmentSettings,
-        {
-            "voxel_size": voxel_size,
-            "local_range": local_range,
-            "similarity": similarity,
-            "floor": floor,
-            "seed": seed,
-        },
-        {"local_range": "--range"},
-    )
-    recording = open_recording(scans, poses, frame.value)
-
-    import numpy as np
+    # what can be wrong is looked at before torch is imported
+    given = {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity}
+    settings = settings_of(SegmentSettings, given | {"floor": floor, "seed": seed})
+    recording = open_recording(scans, poses, frame)
 
     from mcpseg_cli.incremental.methods import open_method
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-    from mcpseg_cli.networks.device import find_device
-    from mcpseg_cli.networks.weights import Weights
-    from mcpseg_cli.segment.folder import RunOptions, check_folders, clear_run
-    from mcpseg_cli.segment.offline_run import OfflineRun
     from mcpseg_cli.segment.run import SegmentRun
+    from mcpseg_cli.segment.run_record import RunOptions
 
-    check_folders(recording, output)
-    find_device(device)
-    opened = open_method(method.value if method else None, weights)
-    segmenter = IncrementalSegmenter(opened, settings, precision=precision.value, device=device)
-    options = RunOptions(
-        frame.value, format.value if format else None, on_error.value, offline, sys.argv
-    )
-    run_type = OfflineRun if offline else SegmentRun
+    opened = open_method(method, weights)
+    segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
+    options = RunOptions(frame, format, on_error, offline, sys.argv)
+
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
-        if overwrite:
-            clear_run(output, recording)
-        run = entered.enter_context(run_type(recording, output, opened, segmenter, options))
-        if live is not None:
-            live.follow(run.records, segmenter.rows(), np.empty(0, np.int32))
+        run = entered.enter_context(
+            SegmentRun(recording, output, segmenter, options, overwrite=overwrite)
+        )
         interrupt = entered.enter_context(Interrupt())
-        if isinstance(opened, Weights) and opened.info.notice:
-            notice(f"mcpseg: {opened.name}: {opened.info.notice}", quiet=quiet)
+
+        _tell_what_is_ahead(run, quiet=quiet)
         tally = _label_pending(
             run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
         )
-        if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
-            share = f"{tally.points_labelled:,} of {tally.points:,} points lie within --range {local_range:g}"
-            advice = "are the scans in the sensor's frame (--frame sensor)?"
-            notice(f"mcpseg: only {share} of their pose: {advice}", quiet=quiet)
-        _print_summary(run, tally, as_json=as_json, verbose=verbose)
+        _warn_of_far_points(tally, local_range, quiet=quiet)
+
+        if as_json:
+            typer.echo(json.dumps(_document(run, tally)))
+        else:
+            _print_summary(run, tally, verbose=verbose)
+
     if interrupt.asked and len(run.records) < len(recording):
-        again = shlex.join(["mcpseg", *(word for word in sys.argv[1:] if word != "--overwrite")])
-        notice(
-            f"mcpseg: interrupted after {len(run.records):,} of {len(recording):,} scans; continue with: {again}"
-        )
+        _tell_how_to_continue(len(run.records), len(recording))
         raise typer.Exit(130)
 
 
@@ -199,39 +178,70 @@ def _live_map(target: str, segmenter: IncrementalSegmenter) -> LiveMap:
     return LiveMap(target, segmenter.classes, segmenter.settings.voxel_size)
 
 
+def _tell_what_is_ahead(run: SegmentRun, *, quiet: bool) -> None:
+    """Say what the weights warn of, and where the run goes on."""
+    from mcpseg_cli.cli.display import notice
+
+    weights = run.segmenter.method.weights
+    if weights and weights.info.notice:
+        notice(f"mcpseg: {weights.name}: {weights.info.notice}", quiet=quiet)
+    if not run.pending:
+        notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
+    elif run.resumed_from:
+        notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
+
+
 def _label_pending(
     run: SegmentRun, interrupt: Interrupt, live: LiveMap | None, *, quiet: bool, show_progress: bool
 ) -> _Tally:
     """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
+    import numpy as np
+
     from mcpseg_cli.cli.display import notice, progress_bar
+    from mcpseg_cli.segment.offline_run import label_offline
 
     tally = _Tally()
-    if run.resumed_from and run.pending:
-        notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
-    elif not run.pending:
-        notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
+    if live:
+        live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
+    label = partial(label_offline, run) if run.options.offline else run.run
+
     try:
         with progress_bar("segment", quiet=not show_progress) as bar:
             total = run.resumed_from + len(run.pending)
             task = bar.add_task("", total=total, completed=run.resumed_from, state="")
-            for report in run.run(lambda: interrupt.asked):
+            for report in label(lambda: interrupt.asked):
                 tally.add(report)
                 if live and report.update:
                     live.follow(run.records, run.segmenter.rows(), report.update.changed)
                 if report.error:
                     notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
+
+                # what there is behind the bar
                 objects = f"{run.segmenter.clusters.num_objects:,} objects"
-                bar.update(
-                    task,
-                    advance=1,
-                    state=f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}",
-                )
+                state = f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}"
+                bar.update(task, advance=1, state=state)
     finally:
         run.write_objects()
     return tally
 
 
-_FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
+def _warn_of_far_points(tally: _Tally, local_range: float, *, quiet: bool) -> None:
+    """Say when the poses hardly belong to the scans."""
+    from mcpseg_cli.cli.display import notice
+
+    if tally.points and tally.points_labelled < _FEW_POINTS * tally.points:
+        count = f"{tally.points_labelled:,} of {tally.points:,} points"
+        advice = "are the scans in the sensor's frame (--frame sensor)?"
+        found = f"only {count} lie within --range {local_range:g} of their pose"
+        notice(f"mcpseg: {found}: {advice}", quiet=quiet)
+
+
+def _tell_how_to_continue(done: int, total: int) -> None:
+    """Say how an interrupted run goes on: by the same command, which must not start again."""
+    from mcpseg_cli.cli.display import notice
+
+    again = shlex.join(["mcpseg", *(word for word in sys.argv[1:] if word != "--overwrite")])
+    notice(f"mcpseg: interrupted after {done:,} of {total:,} scans; continue with: {again}")
 
 
 @dataclass
@@ -250,69 +260,88 @@ class _Tally:
             self.ms.append(report.ms)
             self.stages.append(report.update.ms)
 
+    def percentiles(self) -> tuple[float, float, float] | None:
+        """Give median, 95th percentile and maximum of the milliseconds per scan."""
+        import numpy as np
 
-def _print_summary(run: SegmentRun, tally: _Tally, *, as_json: bool, verbose: bool) -> None:
-    """Print the result of a run."""
-    import resource
+        if not self.ms:
+            return None
+        p50, p95, slowest = np.percentile(self.ms, (50, 95, 100)).tolist()
+        return p50, p95, slowest
 
-    import numpy as np
+    def stage_medians(self) -> dict[str, float]:
+        """Give the median milliseconds of each stage."""
+        from statistics import median
 
+        stages = self.stages[0] if self.stages else {}
+        return {stage: median(ms[stage] for ms in self.stages) for stage in stages}
+
+
+def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
+    """Say what a run did, by name."""
+    ms = tally.percentiles()
+    return {
+        "scans": len(run.records),
+        "pending": _num_pending(run),
+        "voxels": len(run.segmenter.map),
+        "objects": run.segmenter.clusters.num_objects,
+        "points": tally.points,
+        "points_labelled": tally.points_labelled,
+        "skipped": _skipped(run),
+        "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
+        "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
+        "peak_memory_mb": round(_peak_memory_mb(), 1),
+        "resumed_from": run.resumed_from,
+        "precision": run.segmenter.precision,
+        "output": str(run.output),
+    }
+
+
+def _print_summary(run: SegmentRun, tally: _Tally, *, verbose: bool) -> None:
+    """Print what a run did as a table."""
     from mcpseg_cli.cli.display import print_table
 
-    p50, p95, slowest = (
-        np.percentile(tally.ms, (50, 95, 100)).tolist() if tally.ms else (0.0, 0.0, 0.0)
-    )
-    skipped = [record.name for record in run.records if record.error is not None]
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    objects = run.segmenter.clusters.num_objects
-    pending = len(run.pending) + run.resumed_from - len(run.records)
-    if as_json:
-        document = {
-            "scans": len(run.records),
-            "pending": pending,
-            "voxels": len(run.segmenter.map),
-            "objects": objects,
-            "points": tally.points,
-            "points_labelled": tally.points_labelled,
-            "skipped": skipped,
-            "ms_per_scan": {"p50": round(p50, 3), "p95": round(p95, 3), "max": round(slowest, 3)}
-            if tally.ms
-            else None,
-            "ms_by_stage": {
-                stage: round(value, 3) for stage, value in _stage_medians(tally).items()
-            },
-            "peak_memory_mb": round(peak_mb, 1),
-            "resumed_from": run.resumed_from,
-            "precision": run.segmenter.precision,
-            "output": str(run.output),
-        }
-        typer.echo(json.dumps(document))
-        return
-    rows = [
-        (
-            "scans",
-            f"{len(run.records):,}"
-            + (f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""),
-        )
-    ]
-    rows += [("still to do", f"{pending:,}")] if pending else []
-    rows += [("skipped", ", ".join(skipped))] if skipped else []
+    # scans
+    before = f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""
+    rows = [("scans", f"{len(run.records):,}{before}")]
+    if pending := _num_pending(run):
+        rows.append(("still to do", f"{pending:,}"))
+    if skipped := _skipped(run):
+        rows.append(("skipped", ", ".join(skipped)))
+
+    # the map
     if tally.points:
         rows.append(("points labelled", f"{tally.points_labelled:,} of {tally.points:,}"))
-    rows += [("voxels", f"{len(run.segmenter.map):,}"), ("objects", f"{objects:,}")]
-    if tally.ms:
+    rows.append(("voxels", f"{len(run.segmenter.map):,}"))
+    rows.append(("objects", f"{run.segmenter.clusters.num_objects:,}"))
+
+    # time and memory
+    if ms := tally.percentiles():
+        p50, p95, slowest = ms
         rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
-    rows += [("peak memory", f"{peak_mb:,.0f} MB"), ("map", str(run.output / "map.ply"))]
+    rows.append(("peak memory", f"{_peak_memory_mb():,.0f} MB"))
+    rows.append(("map", str(run.output / "map.ply")))
     if verbose:
-        rows += [
-            (f"median ms {stage}", f"{value:.2f}") for stage, value in _stage_medians(tally).items()
-        ]
+        medians = tally.stage_medians().items()
+        rows += [(f"median ms {stage}", f"{value:.2f}") for stage, value in medians]
     print_table(rows)
 
 
-def _stage_medians(tally: _Tally) -> dict[str, float]:
-    """Median milliseconds of each stage over the scans of this run."""
-    from statistics import median
+def _num_pending(run: SegmentRun) -> int:
+    """Count the scans that are still to be labelled."""
+    return len(run.pending) + run.resumed_from - len(run.records)
 
-    stages = tally.stages[0] if tally.stages else {}
-    return {stage: median(ms[stage] for ms in tally.stages) for stage in stages}
+
+def _skipped(run: SegmentRun) -> list[str]:
+    """Name the scans that could not be read."""
+    return [record.name for record in run.records if record.error is not None]
+
+
+def _rounded(values: tuple[float, ...]) -> list[float]:
+    return [round(value, 3) for value in values]
+
+
+def _peak_memory_mb() -> float:
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeVar
 
@@ -17,7 +16,6 @@ SettingsT = TypeVar("SettingsT", bound="BaseModel")
 def settings_of(
     model: type[SettingsT],
     given: Mapping[str, object],
-    options: Mapping[str, str] | None = None,
     *,
     before: Mapping[str, object] | None = None,
 ) -> SettingsT:
@@ -26,7 +24,6 @@ def settings_of(
     Args:
         model: Which settings.
         given: Value by setting; None: not given.
-        options: Option of each setting that is not called like it.
         before: Valid values from elsewhere, which options win over.
 
     Returns:
@@ -41,14 +38,16 @@ def settings_of(
     try:
         return model.model_validate({**(before or {}), **chosen})
     except ValidationError as error:
-        names = {name: "--" + name.replace("_", "-") for name in given} | dict(options or {})
-        raise typer.BadParameter(_explain(error, names)) from error
+        raise typer.BadParameter(_explain(error, set(given))) from error
 
 
-def _explain(error: ValidationError, options: Mapping[str, str]) -> str:
+def _explain(error: ValidationError, settings: set[str]) -> str:
     """Say what is wrong with an option, or with several together, by their names."""
+    from mcpseg_cli.config import option_of
+
     problem = error.errors()[0]
     message = problem["msg"].removeprefix("Value error, ")
     if problem["loc"]:
-        return f"{options[str(problem['loc'][0])]}: {message}"
-    return re.sub(r"\w+", lambda word: options.get(word[0], word[0]), message)
+        return f"{option_of(str(problem['loc'][0]))}: {message}"
+    words = message.split()
+    return " ".join(option_of(word) if word in settings else word for word in words)

@@ -27,7 +27,7 @@ _S3DIS_POINTS = {
     "board": 229_758,
     "clutter": 2_272_837,
 }
-"""Points of S3DIS at 4 cm by class, as the configurations of RandLA-Net and many others count them."""
+"""Points of S3DIS at 4 cm by class, as the configurations of RandLA-Net and others count them."""
 
 
 def synth(
@@ -82,6 +82,8 @@ def synth(
     request = SynthRequest(
         number=number, seed=seed, num_rooms=rooms, spacing=spacing, style=style or number
     )
+
+    # room by room, counted by class
     points = dict.fromkeys(_S3DIS_POINTS, 0)
     objects = dict.fromkeys(_S3DIS_POINTS, 0)
     with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
@@ -92,14 +94,12 @@ def synth(
                 points[name] += room.points[name]
                 objects[name] += room.objects[name]
             bar.update(task, advance=1, state=room.name)
+
+    # what was made
     if as_json:
-        document = {
-            "output": str(area),
-            "rooms": total,
-            "points": sum(points.values()),
-            "points_by_class": points,
-        }
-        document |= {"objects_by_class": objects, "seconds": round(perf_counter() - started, 2)}
+        document = {"output": str(area), "rooms": total, "points": sum(points.values())}
+        document |= {"points_by_class": points, "objects_by_class": objects}
+        document |= {"seconds": round(perf_counter() - started, 2)}
         typer.echo(json.dumps(document))
         return
     _print_summary(total, points, objects)
@@ -115,12 +115,9 @@ def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) 
     for name in points:
         shares = f"{points[name] / every:7.1%} {_S3DIS_POINTS[name] / known:7.1%}"
         typer.echo(f"{name:<10} {objects[name]:>8,} {points[name]:>11,} {shares}")
-    counts = [
-        ("rooms", rooms),
-        ("points", sum(points.values())),
-        ("objects", sum(objects.values())),
-    ]
-    print_table((name, f"{count:,}") for name, count in counts)
+
+    counts = {"rooms": rooms, "points": sum(points.values()), "objects": sum(objects.values())}
+    print_table((name, f"{count:,}") for name, count in counts.items())
 
 
 def _number_of(area: Path) -> int:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcpseg_cli.choices import Architecture, Augmentation, Schedule, TrainPrecision
 from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet
 from mcpseg_cli.cli.settings import settings_of
 
@@ -17,15 +18,6 @@ if TYPE_CHECKING:
 
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.train.ranks import Ranks
-
-Net = Literal["unet", "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
-
-_OPTIONS = {
-    "architecture": "--net",
-    "learning_rate": "--lr",
-    "num_context": "--context",
-    "local_range": "--range",
-}
 
 
 def train(
@@ -44,7 +36,7 @@ def train(
             help="Areas to validate on, by the number their names end in: 6; 1,2,3; all; none.",
         ),
     ] = "6",
-    net: Annotated[Net | None, typer.Option(help="Network.  [default: mcpnet]")] = None,
+    net: Annotated[Architecture | None, typer.Option(help="Network.  [default: mcpnet]")] = None,
     epochs: Annotated[
         int | None,
         typer.Option(help="Passes over the data, one batch of each scan.  [default: 100]"),
@@ -53,14 +45,14 @@ def train(
         float | None, typer.Option(help="Learning rate of Adam.  [default: 0.001]")
     ] = None,
     schedule: Annotated[
-        Literal["constant", "cosine"] | None,
+        Schedule | None,
         typer.Option(help="cosine: the learning rate falls to 0.  [default: constant]"),
     ] = None,
     batch_size: Annotated[
         int | None, typer.Option(help="Points per batch.  [default: the network's own]")
     ] = None,
     precision: Annotated[
-        Literal["fp32", "bf16"] | None, typer.Option(help="Arithmetic.  [default: fp32]")
+        TrainPrecision | None, typer.Option(help="Arithmetic.  [default: fp32]")
     ] = None,
     context: Annotated[
         int | None,
@@ -75,7 +67,7 @@ def train(
         ),
     ] = None,
     augment: Annotated[
-        Literal["default", "none"] | None,
+        Augmentation | None,
         typer.Option(help="How training batches are changed.  [default: default]"),
     ] = None,
     config: Annotated[
@@ -130,13 +122,15 @@ def train(
     them); NAME.checkpoint is there until training is done. Ctrl-C stops after the step at hand.
 
     \b
-    A settings file has tables [train], [samples], [augment] and [checkpoint], whose settings
-    NAME.toml lists:
+    A settings file has tables [train], [samples] and [augment], whose settings NAME.toml lists, and
+    [checkpoint]:
       [train]
       warm_up = 0.1           # epochs over which the learning rate rises
       class_balance = "sqrt"  # errors on rare classes cost more
       [augment]
       grey = 0.0
+      [checkpoint]
+      minutes = 30.0          # from one to the next within an epoch; keep = true: also when done
 
     \b
     A class table, or the table [classes] of a settings file, says which labels of the data mean
@@ -181,7 +175,6 @@ def train(
             "precision": precision,
             "seed": seed,
         },
-        _OPTIONS,
         before={**(WINDOW_TRAINING if is_unet else {}), **_given(file.train)},
     )
     own = AugmentSettings.of_windows() if is_unet else AugmentSettings()
@@ -209,7 +202,6 @@ def train(
     samples = settings_of(
         SampleSettings,
         {"num_context": context, "local_range": local_range, "seed": seed},
-        _OPTIONS,
         before={
             **(WINDOW_SAMPLES if is_unet else _context_of(initial)),
             **_given(file.samples),

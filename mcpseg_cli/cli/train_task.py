@@ -99,6 +99,7 @@ class TrainTask:
                 records += self._train(run, interrupt)
                 if not run.is_complete:
                     break
+            self.ranks.wait()  # ended with its last thread, a process is now and then aborted
 
         if self.is_first:
             self._print(records, folds[0][1].folder)

@@ -1,4 +1,4 @@
-"""Average precision of objects as the ScanNet evaluator computes it."""
+"""Average precision of objects, ranked by confidence, as the ScanNet evaluator computes it."""
 
 from __future__ import annotations
 
@@ -71,9 +71,7 @@ def precision_over_recall(
         The area; equal confidences are one point of the curve, no prediction gives 0.
     """
     order = np.argsort(-confidence, kind="stable")
-    last = np.flatnonzero(
-        np.diff(confidence[order], append=-np.inf)
-    )  # of each run of equal confidence
+    last = np.flatnonzero(np.diff(confidence[order], append=-np.inf))  # of equal ones
     hits = np.cumsum(right[order])[last]
     recall = np.append(0.0, hits / max(int(right.sum()) + num_missed, 1))
     precision = np.append(1.0, hits / (last + 1))
@@ -81,7 +79,8 @@ def precision_over_recall(
 
 
 def _by_threshold(overlaps: Overlaps, label: int, min_points: int) -> list[float]:
-    """Average precision of one class at IoU 0.25 and at each of ``THRESHOLDS``; NaN without a true object."""
+    """Average precision of one class at IoU 0.25 and at ``THRESHOLDS``; NaN without true object."""
+    # the objects that count, and predictions of their class that meet them
     true, pred = overlaps.true, overlaps.pred
     wanted = (true.semantic == label) & (true.size >= min_points)
     ranked = np.flatnonzero((pred.semantic == label) & (pred.size >= min_points))
@@ -91,33 +90,32 @@ def _by_threshold(overlaps: Overlaps, label: int, min_points: int) -> list[float
     pairs = pairs[pred.size[overlaps.columns[pairs]] >= min_points]
     rows, columns, shared = overlaps.rows[pairs], overlaps.columns[pairs], overlaps.shared[pairs]
     iou = shared / (true.size[rows] + pred.size[columns] - shared)
+
+    # the share of a prediction that is void or in objects that do not count
     small = np.bincount(columns, shared * ~wanted[rows], len(pred))
     ignored = (pred.size - overlaps.valid + small)[ranked] / pred.size[ranked]
+
     areas = []
     for threshold in (0.25, *THRESHOLDS):
         met = iou > threshold
-        best, wrong = _match(
-            rows[met & wanted[rows]], columns[met & wanted[rows]], overlaps.confidence
-        )
+        hit = met & wanted[rows]
+        best, wrong = _match(rows[hit], columns[hit], overlaps.confidence)
         stray = ranked[~np.isin(ranked, columns[met]) & (ignored <= threshold)]
         confidence = np.array([*best, *wrong, *overlaps.confidence[stray]])
-        areas.append(
-            precision_over_recall(
-                confidence, np.arange(len(confidence)) < len(best), int(wanted.sum()) - len(best)
-            )
-        )
+        right = np.arange(len(confidence)) < len(best)
+        areas.append(precision_over_recall(confidence, right, int(wanted.sum()) - len(best)))
     return areas
 
 
 def _match(
     rows: NDArray[np.int64], columns: NDArray[np.int64], confidence: NDArray[np.float64]
 ) -> tuple[list[float], list[float]]:
-    """Give each true object its predictions: the confidences of those that are right and of those too many."""
+    """Give each true object its predictions; confidences of those that are right, and too many."""
     best: dict[int, float] = {}
     wrong: list[float] = []
-    taken: set[int] = (
-        set()
-    )  # a prediction too many stays free for the next true object, as in the evaluator
+    taken: set[int] = set()
+
+    # a prediction too many stays free for the next true object, as in the evaluator
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         score = float(confidence[column])
         if column in taken:

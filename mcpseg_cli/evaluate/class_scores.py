@@ -1,4 +1,4 @@
-"""Class figures of a confusion matrix, under the names the field uses."""
+"""Agreement of classes (IV-A, table I): confusion matrix, IoU and accuracy; truth first."""
 
 from __future__ import annotations
 
@@ -28,28 +28,29 @@ class ClassScores:
 
 
 def score_classes(confusion: NDArray[np.int64], classes: tuple[str, ...]) -> ClassScores:
-    """Compute the class figures.
+    """Compute the class metrics.
 
     Args:
-        confusion: (C, C + 1) from ``metrics.confusion_matrix``.
+        confusion: (C, C + 1) from ``confusion_matrix``.
         classes: C names.
 
     Returns:
-        The figures; all 0 without points.
+        The scores; all 0 without points.
     """
-    iou, present = intersection_over_union(confusion), confusion.sum(axis=1) > 0
+    # class by class
+    iou, accuracy = intersection_over_union(confusion), class_accuracy(confusion)
+    named = zip(classes, iou.tolist(), strict=True)
     counted = np.nan_to_num(iou)
+
+    # means over the classes that have a true point
+    present = confusion.sum(axis=1) > 0
+    any_present = bool(present.any())
     return ClassScores(
         point_accuracy=float(np.trace(confusion) / max(confusion.sum(), 1)),
-        mean_class_accuracy=float(class_accuracy(confusion)[present].mean())
-        if present.any()
-        else 0.0,
+        mean_class_accuracy=float(accuracy[present].mean()) if any_present else 0.0,
         miou=float(counted.mean()),
-        miou_present=float(counted[present].mean()) if present.any() else 0.0,
-        iou={
-            name: None if np.isnan(value) else float(value)
-            for name, value in zip(classes, iou, strict=True)
-        },
+        miou_present=float(counted[present].mean()) if any_present else 0.0,
+        iou={name: None if np.isnan(value) else value for name, value in named},
     )
 
 
@@ -75,7 +76,7 @@ def confusion_matrix(
 
 
 def intersection_over_union(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (C,) TP / (TP + FP + FN) by class; NaN for classes neither true nor predicted anywhere."""
+    """Return (C,) TP / (TP + FP + FN) by class; NaN for classes that neither side has."""
     hits = np.diagonal(confusion).astype(np.float64)
     union = confusion.sum(axis=1) + confusion[:, : len(hits)].sum(axis=0) - hits
     iou: NDArray[np.float64] = np.divide(

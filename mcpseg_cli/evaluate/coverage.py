@@ -1,4 +1,4 @@
-"""Coverage of true objects by predicted ones (ASIS)."""
+"""Coverage: the best IoU of every object, true and predicted, with one of the other side (ASIS)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class Coverage:
     Attributes:
         mcov: Best IoU of a true object, mean over objects of a class in a unit, then over units.
         mwcov: The same with objects weighted by their points.
-        mprec: Share of predicted objects with IoU >= 0.5, all units together; 0 for a class never predicted.
+        mprec: Share of predicted objects with IoU >= 0.5, all units together; 0 for a class never
+            predicted.
         mrec: Share of true objects with IoU >= 0.5, all units together.
     """
 
@@ -29,27 +30,40 @@ class Coverage:
 
 
 def coverage(overlaps: Overlaps) -> Coverage:
-    """Measure coverage within units; classes without true object are left out, ``mprec`` those without any object."""
+    """Measure coverage within units.
+
+    Args:
+        overlaps: From ``find_overlaps``.
+
+    Returns:
+        The means; classes without a true object are left out, ``mprec`` leaves out those without
+        any object.
+    """
     num_classes, true, pred = overlaps.num_classes, overlaps.true, overlaps.pred
     same, iou = overlaps.same_class(), overlaps.iou()
+
+    # the best IoU of every object with one of its class
     best_true, best_pred = np.zeros(len(true)), np.zeros(len(pred))
     np.maximum.at(best_true, overlaps.rows[same], iou[same])
     np.maximum.at(best_pred, overlaps.columns[same], iou[same])
-    known = (pred.semantic < num_classes) & (overlaps.valid > 0)
+
+    # coverage by unit and class; a class is averaged over the units that have it
     units = int(true.unit.max(initial=0)) + 1
     group = true.unit * num_classes + true.semantic
+    by_unit = _mean_by(group, best_true, units * num_classes).reshape(units, num_classes)
     by_size = _mean_by(group, best_true, units * num_classes, true.size)
+
+    # precision and recall by class, all units together
+    known = (pred.semantic < num_classes) & (overlaps.valid > 0)
     precision = _mean_by(pred.semantic[known], best_pred[known] >= 0.5, num_classes)
     precision[np.isnan(precision) & (np.bincount(true.semantic, minlength=num_classes) > 0)] = 0.0
+    recall = _mean_by(true.semantic, best_true >= 0.5, num_classes)
+
     return Coverage(
-        mcov=mean_of_known(
-            _columns_mean(
-                _mean_by(group, best_true, units * num_classes).reshape(units, num_classes)
-            )
-        ),
+        mcov=mean_of_known(_columns_mean(by_unit)),
         mwcov=mean_of_known(_columns_mean(by_size.reshape(units, num_classes))),
         mprec=mean_of_known(precision),
-        mrec=mean_of_known(_mean_by(true.semantic, best_true >= 0.5, num_classes)),
+        mrec=mean_of_known(recall),
     )
 
 

@@ -1,4 +1,4 @@
-"""How steady labels are: what becomes of the class and object of a voxel each time it is looked at again."""
+"""How steady labels are: what becomes of a voxel's class and object when it is looked at again."""
 
 from __future__ import annotations
 
@@ -66,6 +66,7 @@ class LabelHistory:
             semantic: (M,) uint8 their classes as known then.
             instance: (M,) int32 their objects as known then.
         """
+        # classes of the voxels that were seen before
         again = self._instance[ids] >= 0
         old, new, true = self._semantic[ids][again], semantic[again], self._true[ids][again]
         flipped = (old != new) & (true != UNKNOWN)
@@ -73,6 +74,8 @@ class LabelHistory:
         self._flips += int((old != new).sum())
         self._right += int((flipped & (new == true)).sum())
         self._wrong += int((flipped & (old == true)).sum())
+
+        # their objects, and what is known from now on
         self._switched += self._follow_objects(self._instance[ids][again], instance[again])
         self._known.update(np.unique(instance).tolist())
         self._semantic[ids], self._instance[ids] = semantic, instance
@@ -101,11 +104,14 @@ class LabelHistory:
         )
 
     def _follow_objects(self, old: NDArray[np.int32], new: NDArray[np.int32]) -> int:
-        """Count merges and splits between two looks at the same voxels; return how many changed their id."""
+        """Count merges and splits between two looks at voxels; return how many ids changed."""
+        # which objects of now have voxels of one of before
         switched = old != new
         pairs = np.unique(old.astype(np.int64) << 32 | new)
         sources, counts = np.unique(pairs >> 32, return_counts=True)
         self._split += int((counts[sources > 0] > 1).sum())
+
+        # those that went over as a whole into one that was known
         whole = np.isin(pairs >> 32, sources[(counts == 1) & (sources > 0)])
         for source, target in zip(
             (pairs >> 32)[whole].tolist(), (pairs & 0xFFFFFFFF)[whole].tolist(), strict=True

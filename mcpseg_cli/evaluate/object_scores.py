@@ -1,4 +1,8 @@
-"""The figures of clusters and objects that ``mcpseg eval`` prints, under the names the field uses."""
+"""Agreement of objects with a class: object accuracy (IV-A, table I), and what the field counts.
+
+Panoptic quality, average precision and coverage have modules of their own; here they come together
+under the names that ``mcpseg eval`` prints.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +18,15 @@ from mcpseg_cli.evaluate.panoptic import panoptic_quality
 STUFF = ("ceiling", "floor", "wall")
 """Classes that are no things where panoptic quality is said to be with stuff."""
 
+_LARGE = 50  # points; the MCPNet authors match only predicted objects of more
+
 
 @dataclass(frozen=True)
 class ObjectScores:
     """Agreement of objects with a class.
 
     Attributes:
-        object_accuracy: Share of true objects found, as the MCPNet authors count (IV).
+        object_accuracy: Share of true objects found, as the MCPNet authors count (IV-A).
         precision_50: Share of predicted objects that are right.
         pq: Panoptic quality, every class one of things.
         sq: Segmentation quality, the same.
@@ -78,12 +84,16 @@ def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
     Returns:
         The scores; all 0 without true objects.
     """
+    # panoptic quality: every class one of things, and ceiling, floor and wall as stuff
     stuff = tuple(index for index, name in enumerate(classes) if name in STUFF)
+    is_stuff = np.isin(np.arange(len(classes)), stuff)
     things = panoptic_quality(overlaps)
     both = panoptic_quality(overlaps, stuff=stuff)
-    is_stuff = np.isin(np.arange(len(classes)), stuff)
+
+    # ranked and unranked metrics of instance segmentation
     precision, covered = average_precision(overlaps), coverage(overlaps)
     agnostic = average_precision(overlaps.without_classes())
+
     return ObjectScores(
         object_accuracy=object_accuracy(overlaps),
         precision_50=precision_50(overlaps),
@@ -110,14 +120,13 @@ def score_objects(overlaps: Overlaps, classes: tuple[str, ...]) -> ObjectScores:
     )
 
 
-_LARGE = 50  # points; the MCPNet authors match only predicted objects of more
-
-
 def object_accuracy(overlaps: Overlaps) -> float:
-    """Share of true objects that a predicted one of their class and of more than 50 points meets with IoU > 0.5."""
-    hits = (
-        (overlaps.iou() > 0.5) & overlaps.same_class() & (overlaps.valid[overlaps.columns] > _LARGE)
-    )
+    """Share of true objects that a predicted one of their class meets with IoU > 0.5 (IV-A).
+
+    The predicted object must have more than 50 points, as the authors count.
+    """
+    is_large = overlaps.valid[overlaps.columns] > _LARGE
+    hits = (overlaps.iou() > 0.5) & overlaps.same_class() & is_large
     return float(hits.sum() / max(len(overlaps.true), 1))
 
 

@@ -107,30 +107,31 @@ def find_overlaps(
     Returns:
         The overlaps; objects by unit, then id.
     """
-    units = (
-        np.zeros(len(true.instance), np.int64)
-        if unit is None
-        else np.unique(unit, return_inverse=True)[1]
-    )
-    rows, true_objects = _count_objects(true, units, num_classes)
-    known = true_objects.semantic != UNKNOWN
+    # true objects, without those of unknown class, and predicted ones
+    nothing = np.zeros(len(true.instance), np.int64)
+    units = nothing if unit is None else np.unique(unit, return_inverse=True)[1]
+    rows, every = _count_objects(true, units, num_classes)
+    known = every.semantic != UNKNOWN
     rows = np.append(np.where(known, np.cumsum(known) - 1, -1), -1)[rows]
-    true_objects = Objects(
-        true_objects.semantic[known], true_objects.unit[known], true_objects.size[known]
-    )
+    true_objects = Objects(every.semantic[known], every.unit[known], every.size[known])
     columns, pred_objects = _count_objects(pred, units, num_classes)
+
+    # pairs of them that share points
     both = (rows >= 0) & (columns >= 0)
     num_pred = max(len(pred_objects), 1)
     pairs, shared = np.unique(rows[both] * num_pred + columns[both], return_counts=True)
+
+    # mean confidence of the points that have their object's class
     votes = (columns >= 0) & (pred.semantic == np.append(pred_objects.semantic, -1)[columns])
     weights = np.ones(len(columns)) if confidence is None else confidence.astype(np.float64)
+    sums = np.bincount(columns[votes], weights[votes], len(pred_objects))
     counts = np.bincount(columns[votes], minlength=len(pred_objects))
+
     return Overlaps(
         true_objects,
         pred_objects,
         valid=np.bincount(columns[both], minlength=len(pred_objects)),
-        confidence=np.bincount(columns[votes], weights[votes], len(pred_objects))
-        / np.maximum(counts, 1),
+        confidence=sums / np.maximum(counts, 1),
         rows=pairs // num_pred,
         columns=pairs % num_pred,
         shared=shared,
@@ -147,24 +148,24 @@ def join_overlaps(parts: Sequence[Overlaps]) -> Overlaps:
     Returns:
         The objects of all.
     """
-    firsts_true = np.cumsum([0, *[len(part.true) for part in parts]])
-    firsts_pred = np.cumsum([0, *[len(part.pred) for part in parts]])
+    # units and objects are counted on from place to place
     units = [
         int(max(part.true.unit.max(initial=-1), part.pred.unit.max(initial=-1))) + 1
         for part in parts
     ]
-    firsts_unit = np.cumsum([0, *units])
+    firsts_unit = np.cumsum([0, *units[:-1]])
+    firsts_true = np.cumsum([0, *[len(part.true) for part in parts[:-1]]])
+    firsts_pred = np.cumsum([0, *[len(part.pred) for part in parts[:-1]]])
+    rows = [part.rows + first for part, first in zip(parts, firsts_true, strict=True)]
+    columns = [part.columns + first for part, first in zip(parts, firsts_pred, strict=True)]
+
     return Overlaps(
         _side_by_side([part.true for part in parts], firsts_unit),
         _side_by_side([part.pred for part in parts], firsts_unit),
         valid=np.concatenate([part.valid for part in parts]),
         confidence=np.concatenate([part.confidence for part in parts]),
-        rows=np.concatenate(
-            [part.rows + first for part, first in zip(parts, firsts_true, strict=False)]
-        ),
-        columns=np.concatenate(
-            [part.columns + first for part, first in zip(parts, firsts_pred, strict=False)]
-        ),
+        rows=np.concatenate(rows),
+        columns=np.concatenate(columns),
         shared=np.concatenate([part.shared for part in parts]),
         num_classes=parts[0].num_classes,
     )
@@ -172,11 +173,10 @@ def join_overlaps(parts: Sequence[Overlaps]) -> Overlaps:
 
 def _side_by_side(parts: Sequence[Objects], firsts_unit: NDArray[np.int64]) -> Objects:
     """List the objects of several places, with units counted on."""
+    units = [part.unit + first for part, first in zip(parts, firsts_unit, strict=True)]
     return Objects(
         np.concatenate([part.semantic for part in parts]),
-        np.concatenate(
-            [part.unit + first for part, first in zip(parts, firsts_unit, strict=False)]
-        ),
+        np.concatenate(units),
         np.concatenate([part.size for part in parts]),
     )
 
@@ -184,16 +184,19 @@ def _side_by_side(parts: Sequence[Objects], firsts_unit: NDArray[np.int64]) -> O
 def _count_objects(
     labels: PointLabels, units: NDArray[np.int64], num_classes: int
 ) -> tuple[NDArray[np.int64], Objects]:
-    """Number the objects by unit, then id; give each point's number, -1 for none, and the objects."""
+    """Number the objects by unit, then id; give each point's number (-1: none), and the objects."""
+    # an object is what has one id in one unit
     inside = labels.instance > 0
     ids, number = np.unique(labels.instance[inside], return_inverse=True)
     keys, number = np.unique(units[inside] * len(ids) + number, return_inverse=True)
     numbers = np.full(len(inside), -1)
     numbers[inside] = number
+
+    # its class is that of most of its points
     classed = inside & (labels.semantic < num_classes)
     flat = numbers[classed] * num_classes + labels.semantic[classed]
     votes = np.bincount(flat, minlength=len(keys) * num_classes).reshape(len(keys), num_classes)
     semantic = np.where(votes.any(axis=1), votes.argmax(axis=1), UNKNOWN)
-    return numbers, Objects(
-        semantic, keys // max(len(ids), 1), np.bincount(number, minlength=len(keys))
-    )
+
+    unit, size = keys // max(len(ids), 1), np.bincount(number, minlength=len(keys))
+    return numbers, Objects(semantic, unit, size)

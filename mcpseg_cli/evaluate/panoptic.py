@@ -1,4 +1,4 @@
-"""Metrics of objects with a class: object accuracy (IV), coverage (ASIS), panoptic quality (Kirillov 2019)."""
+"""Panoptic quality: objects of a class that match, and how well (Kirillov 2019, Porzi 2019)."""
 
 from __future__ import annotations
 
@@ -49,42 +49,59 @@ def panoptic_quality(overlaps: Overlaps, *, stuff: Sequence[int] = ()) -> Panopt
         does one of unknown class.
     """
     overlaps = _join_stuff(overlaps, stuff) if stuff else overlaps
+    true, pred = overlaps.true, overlaps.pred
     iou, same, num_classes = overlaps.iou(), overlaps.same_class(), overlaps.num_classes
+
+    # pairs that match, by class
     hit = same & (iou > 0.5)
-    counted = (overlaps.pred.semantic < num_classes) & (2 * overlaps.valid >= overlaps.pred.size)
-    counted[overlaps.columns[hit]] = True
-    hit_class = overlaps.true.semantic[overlaps.rows[hit]]
+    hit_class = true.semantic[overlaps.rows[hit]]
     hits = np.bincount(hit_class, minlength=num_classes)
     quality = np.bincount(hit_class, iou[hit], num_classes)
-    num_true = np.bincount(overlaps.true.semantic, minlength=num_classes)
-    objects = num_true + np.bincount(overlaps.pred.semantic[counted], minlength=num_classes)
+
+    # objects that count, by class
+    counted = (pred.semantic < num_classes) & (2 * overlaps.valid >= pred.size)
+    counted[overlaps.columns[hit]] = True
+    num_true = np.bincount(true.semantic, minlength=num_classes)
+    objects = num_true + np.bincount(pred.semantic[counted], minlength=num_classes)
     present = objects > 0
+
+    # RQ, SQ and their product
     nothing = np.full(num_classes, np.nan)
-    recognised = np.divide(2.0 * hits, objects, out=nothing.copy(), where=present)
+    recognised = np.divide(2.0 * hits, objects, out=nothing, where=present)
     segmented = np.where(present, quality / np.maximum(hits, 1), np.nan)
     by_class = recognised * segmented
-    overlapped = np.bincount(overlaps.true.semantic[overlaps.rows[same]], iou[same], num_classes)
-    dagger = np.where(
-        np.isin(np.arange(num_classes), stuff), overlapped / np.maximum(num_true, 1), by_class
-    )
+
+    # for stuff without the threshold
+    overlapped = np.bincount(true.semantic[overlaps.rows[same]], iou[same], num_classes)
+    is_stuff = np.isin(np.arange(num_classes), stuff)
+    dagger = np.where(is_stuff, overlapped / np.maximum(num_true, 1), by_class)
     dagger[~present] = np.nan
+
     return Panoptic(
-        mean_of_known(by_class),
-        mean_of_known(segmented),
-        mean_of_known(recognised),
-        mean_of_known(dagger),
-        by_class,
+        pq=mean_of_known(by_class),
+        sq=mean_of_known(segmented),
+        rq=mean_of_known(recognised),
+        pq_dagger=mean_of_known(dagger),
+        by_class=by_class,
     )
+
+
+def mean_of_known(values: NDArray[np.float64]) -> float:
+    """Mean of what is not NaN; 0 where nothing is."""
+    finite = values[~np.isnan(values)]
+    return float(finite.mean()) if len(finite) else 0.0
 
 
 def _join_stuff(overlaps: Overlaps, stuff: Sequence[int]) -> Overlaps:
     """Make one object of those of a class of stuff in a unit."""
+    # the objects by their new numbers, and the pairs of these
     true, pred = overlaps.true, overlaps.pred
     rows, columns = _joined(true, stuff), _joined(pred, stuff)
     num_pred = int(columns.max(initial=0)) + 1
-    pairs, members = np.unique(
-        rows[overlaps.rows] * num_pred + columns[overlaps.columns], return_inverse=True
-    )
+    keys = rows[overlaps.rows] * num_pred + columns[overlaps.columns]
+    pairs, members = np.unique(keys, return_inverse=True)
+
+    # sums over what has become one
     return Overlaps(
         _join(true, rows),
         _join(pred, columns),
@@ -101,9 +118,8 @@ def _joined(objects: Objects, stuff: Sequence[int]) -> NDArray[np.int64]:
     """Number the objects anew: equal numbers for those that are one."""
     own = np.arange(len(objects))
     shared = len(objects) + objects.unit * (UNKNOWN + 1) + objects.semantic
-    return np.unique(np.where(np.isin(objects.semantic, stuff), shared, own), return_inverse=True)[
-        1
-    ]
+    keys = np.where(np.isin(objects.semantic, stuff), shared, own)
+    return np.unique(keys, return_inverse=True)[1]
 
 
 def _join(objects: Objects, numbers: NDArray[np.int64]) -> Objects:
@@ -111,9 +127,3 @@ def _join(objects: Objects, numbers: NDArray[np.int64]) -> Objects:
     _, first = np.unique(numbers, return_index=True)
     sizes = np.bincount(numbers, objects.size).astype(np.int64)
     return Objects(objects.semantic[first], objects.unit[first], sizes)
-
-
-def mean_of_known(values: NDArray[np.float64]) -> float:
-    """Mean of what is not NaN; 0 where nothing is."""
-    finite = values[~np.isnan(values)]
-    return float(finite.mean()) if len(finite) else 0.0

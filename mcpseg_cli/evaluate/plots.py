@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,8 @@ def prepare_plots(folder: Path) -> None:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:
         raise OutputError(
-            f"{folder}: no matplotlib to draw with; expected the extra 'plot'; run: pip install 'mcpseg[plot]'"
+            f"{folder}: no matplotlib to draw with; expected the extra 'plot'; "
+            "run: pip install 'mcpseg[plot]'"
         ) from error
     folder.mkdir(parents=True, exist_ok=True)
     probe = folder / ".mcpseg.part"
@@ -48,7 +49,7 @@ def plot_confusion(
 
     Args:
         path: The picture; replaced if there.
-        confusion: (C, C + 1) from ``metrics.confusion_matrix``.
+        confusion: (C, C + 1) from ``class_scores.confusion_matrix``.
         classes: C names.
         unit: What is counted, such as ``voxel``.
 
@@ -57,10 +58,13 @@ def plot_confusion(
     """
     from matplotlib.figure import Figure
 
+    # shares of each true class; a last column for what has no predicted class, if anything has none
     columns = len(classes) + bool(confusion[:, -1].any())
     names = [*classes, "none"][:columns]
     total = confusion.sum(axis=1)
     shares = np.where(total > 0, confusion[:, :columns].T / np.maximum(total, 1), np.nan).T
+
+    # a cell for each pair, with its number where that rounds to anything
     figure = Figure(figsize=(2.6 + 0.55 * columns, 2.0 + 0.48 * len(classes)), layout="constrained")
     axes = figure.add_subplot()
     axes.set_facecolor(_PALE)  # of rows without a true point
@@ -69,22 +73,19 @@ def plot_confusion(
         colour = "white" if shares[row, column] > _DARK else "black"
         text = f"{100 * shares[row, column]:.0f}"
         axes.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
-    axes.set_xticks(
-        range(columns), names, rotation=45, ha="right", rotation_mode="anchor", parse_math=False
-    )
+
+    # what rows and columns are
+    _name_columns(axes, names)
     labels = [f"{name}  {count:,}" for name, count in zip(classes, total.tolist(), strict=True)]
     axes.set_yticks(range(len(classes)), labels, parse_math=False)
     axes.set(xlabel="predicted class", ylabel=f"true class and its {unit}s")
     accuracy = score_classes(confusion, classes).point_accuracy
     axes.set_title(f"Percent of each true class; accuracy {100 * accuracy:.1f} %", fontsize=11)
-    figure.colorbar(
-        image,
-        ax=axes,
-        shrink=0.6,
-        aspect=30,
-        pad=0.01,
-        format=lambda share, _: f"{100 * share:.0f} %",
-    )
+
+    def in_percent(share: float, _: int) -> str:
+        return f"{100 * share:.0f} %"
+
+    figure.colorbar(image, ax=axes, shrink=0.6, aspect=30, pad=0.01, format=in_percent)
     _save(figure, path)
 
 
@@ -93,7 +94,7 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
 
     Args:
         path: The picture; replaced if there.
-        confusion: (C, C + 1) from ``metrics.confusion_matrix``.
+        confusion: (C, C + 1) from ``class_scores.confusion_matrix``.
         classes: C names.
 
     Raises:
@@ -105,28 +106,22 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
     values = [scores.iou[name] for name in classes]
     figure = Figure(figsize=(max(6.0, 1.5 + 0.62 * len(classes)), 4.2), layout="constrained")
     axes = figure.add_subplot()
-    axes.bar(
-        range(len(classes)), [value or 0.0 for value in values], color=_BLUE, width=0.7, zorder=2
-    )
-    for index, value in enumerate(values):
+
+    # a bar with its number for each class
+    heights = [value or 0.0 for value in values]
+    axes.bar(range(len(classes)), heights, color=_BLUE, width=0.7, zorder=2)
+    for index, (value, height) in enumerate(zip(values, heights, strict=True)):
         text = "none" if value is None else f"{value:.2f}"
         colour = _GREY if value is None else "black"
-        axes.text(
-            index, (value or 0.0) + 0.012, text, ha="center", va="bottom", fontsize=8, color=colour
-        )
+        axes.text(index, height + 0.012, text, ha="center", va="bottom", fontsize=8, color=colour)
+
+    # a line for each mean
     means = (("mIoU", scores.miou, "--"), ("mIoU of the classes present", scores.miou_present, ":"))
     for name, mean, style in means:
-        axes.axhline(
-            mean, color=_RED, linestyle=style, linewidth=1.2, label=f"{name} {mean:.3f}", zorder=3
-        )
-    axes.set_xticks(
-        range(len(classes)),
-        classes,
-        rotation=45,
-        ha="right",
-        rotation_mode="anchor",
-        parse_math=False,
-    )
+        label = f"{name} {mean:.3f}"
+        axes.axhline(mean, color=_RED, linestyle=style, linewidth=1.2, label=label, zorder=3)
+
+    _name_columns(axes, classes)
     axes.set(ylim=(0.0, 1.06), ylabel="IoU")
     figure.legend(loc="outside upper center", ncols=2, fontsize=9, frameon=False)
     _tidy(axes)
@@ -134,11 +129,12 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
 
 
 def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
-    """Draw the mean IoU of the map so far over the scans, as PNG; of several runs a line each, over the share of scans.
+    """Draw the mean IoU of the map so far over the scans, as PNG.
 
     Args:
         path: The picture; replaced if there.
-        curves: At least one, by name of the run; with a single one its accuracy is drawn as well.
+        curves: At least one, by name of the run. With a single one its accuracy is drawn as well;
+            several are drawn over the share of their scans.
 
     Raises:
         OSError: The file cannot be written.
@@ -147,33 +143,43 @@ def plot_over_scans(path: Path, curves: Mapping[str, ScoreCurve]) -> None:
 
     figure = Figure(figsize=(7.5, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    single = len(curves) == 1
-    for name, curve in curves.items():
-        scans = np.arange(1, len(curve.voxels) + 1) * (1.0 if single else 100.0 / len(curve.voxels))
-        label = "mIoU of the classes seen so far" if single else name.lstrip("_")
-        axes.plot(
-            scans, curve.miou_present, linewidth=1.6, label=label, color=_BLUE if single else None
-        )
-        if single:
-            axes.plot(
-                scans,
-                curve.point_accuracy,
-                linewidth=1.3,
-                label="accuracy",
-                color=_GREY,
-                linestyle="--",
-            )
-    axes.set(ylim=(0.0, 1.0), xlabel="scans" if single else "% of the scans of each run")
-    axes.set_ylabel("score of the map so far" if single else "mIoU of the classes seen so far")
-    axes.set_xlim(
-        1 if single else 0, max(2, len(next(iter(curves.values())).voxels)) if single else 100
-    )
+    axes.set(ylim=(0.0, 1.0))
+    if len(curves) == 1:
+        _draw_curve(axes, *curves.values())
+    else:
+        _draw_curves(axes, curves)
+
     axes.locator_params(axis="x", integer=True)
     if len(curves) <= _MOST_NAMED:
         for text in axes.legend(fontsize=9).get_texts():
             text.set_parse_math(False)
     _tidy(axes)
     _save(figure, path)
+
+
+def _draw_curve(axes: Axes, curve: ScoreCurve) -> None:
+    """Draw the scores of one run over its scans."""
+    scans = np.arange(1, len(curve.voxels) + 1) * 1.0
+    label = "mIoU of the classes seen so far"
+    axes.plot(scans, curve.miou_present, linewidth=1.6, label=label, color=_BLUE)
+    axes.plot(scans, curve.point_accuracy, linewidth=1.3, label="accuracy", color=_GREY, ls="--")
+    axes.set(xlabel="scans", ylabel="score of the map so far", xlim=(1, max(2, len(curve.voxels))))
+
+
+def _draw_curves(axes: Axes, curves: Mapping[str, ScoreCurve]) -> None:
+    """Draw the mean IoU of several runs, however many scans each has."""
+    for name, curve in curves.items():
+        scans = np.arange(1, len(curve.voxels) + 1) * (100.0 / len(curve.voxels))
+        axes.plot(scans, curve.miou_present, linewidth=1.6, label=name.lstrip("_"))
+    axes.set(xlabel="% of the scans of each run", ylabel="mIoU of the classes seen so far")
+    axes.set_xlim(0, 100)
+
+
+def _name_columns(axes: Axes, names: Sequence[str]) -> None:
+    """Write names aslant under columns."""
+    axes.set_xticks(range(len(names)), names, parse_math=False)
+    for label in axes.get_xticklabels():
+        label.set(rotation=45, ha="right", rotation_mode="anchor")
 
 
 def _tidy(axes: Axes) -> None:

@@ -1,8 +1,7 @@
-"""What is scored: the map of a run, or one labelled cloud."""
+"""The prediction that is scored: the map of a run, or one labelled cloud."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,94 +10,103 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.classes import remap_table
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.evaluate.run_folder import RunFolder
 from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.formats.labels import check_classes, class_column, confidence_column, object_column
+from mcpseg_cli.formats.labels import check_classes, confidence_column, point_labels
 from mcpseg_cli.formats.recording import MAX_COORDINATE
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
 
 
 @dataclass(frozen=True)
-class Answer:
+class Prediction:
     """What is scored: the map of a run, or one labelled cloud.
 
     Attributes:
         source: The file.
-        unit: What its points are, ``voxel`` or ``point``.
+        folder: The run it belongs to; None for one cloud.
         xyz: (N, 3) metres, map frame.
-        semantic: (N,) uint8 class, 255 unknown.
+        semantic: (N,) uint8 class in ``classes``, 255 unknown.
         instance: (N,) int32 object, 0 none.
         confidence: (N,) float64, if it has one.
-        classes: Class table; empty when the file does not say.
-        voxel_size: Metres.
+        classes: Class table that was asked for, else the file's; empty when there is neither.
+        is_named: Whether the file names its classes.
+        lookup: (256,) uint8 class in ``classes`` for every class of the file.
     """
 
     source: Path
-    unit: str
+    folder: RunFolder | None
     xyz: NDArray[np.floating]
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
     confidence: NDArray[np.float64] | None
     classes: tuple[str, ...]
-    voxel_size: float
+    is_named: bool
+    lookup: NDArray[np.uint8]
 
-    def classes_in(self, table: tuple[str, ...]) -> NDArray[np.uint8]:
-        """Return the (N,) classes in another table, matched by name; a file without table is taken to have this one.
+    @property
+    def output(self) -> Path:
+        """What the user named: the run's folder, or the cloud."""
+        return self.folder.path if self.folder else self.source
 
-        Raises:
-            InputError: The other table lacks a class.
-        """
-        if not self.classes or self.classes == table:
-            check_classes(self.semantic, table, self.source)
-            return self.semantic
-        if set(self.classes) - set(table):
-            found = f"classes {', '.join(self.classes)}"
-            raise InputError(
-                self.source,
-                found,
-                f"those of the first run: {', '.join(table)}",
-                "score it by itself",
-            )
-        return remap_table(self.classes, table)[self.semantic]
+    @property
+    def unit(self) -> str:
+        """What its points are, ``voxel`` or ``point``."""
+        return "voxel" if self.folder else "point"
+
+    @property
+    def voxel_size(self) -> float:
+        """Edge of a voxel, metres."""
+        return self.folder.configuration.voxel_size if self.folder else _DEFAULT_VOXEL
 
 
-def read_answer(output: Path) -> Answer:
+def read_prediction(output: Path, classes: tuple[str, ...] = ()) -> Prediction:
     """Read what is to be scored.
 
     Args:
         output: Folder of a run, or a labelled cloud.
+        classes: Class table to score it in, matched by name; by default its own. A file without
+            class names is taken to have this one.
 
     Raises:
-        InputError: Nothing there, damaged, or without labels.
+        InputError: Nothing there, damaged, without labels, or with a class that ``classes`` lacks.
         OSError: It cannot be read.
     """
-    if not output.exists():
-        raise InputError(
-            output, "no such file or folder", "a run or a labelled cloud", "check the path"
-        )
-    path = output / "map.ply" if output.is_dir() else output
-    if not path.is_file():
-        raise InputError(
-            output,
-            "no map.ply",
-            "a folder that 'mcpseg segment' wrote, or one cloud",
-            "check the path",
-        )
+    # the cloud, and the run it belongs to
+    path = _find_cloud(output)
     cloud = read_cloud(path)
     _check_extent(cloud.xyz, path)
-    semantic = class_column(cloud, path)
-    if cloud.classes:
-        check_classes(semantic, cloud.classes, path)
-    return Answer(
-        path,
-        "voxel" if output.is_dir() else "point",
-        cloud.xyz,
-        semantic,
-        object_column(cloud, path),
-        confidence_column(cloud, path),
-        cloud.classes,
-        _voxel_size(output),
+    folder = RunFolder.read(output) if output.is_dir() else None
+
+    # its classes, in the table asked for
+    own, instance = point_labels(cloud, path)
+    lookup = _look_up(cloud.classes, classes, path)
+    if classes:
+        check_classes(lookup[own], classes, path)
+
+    return Prediction(
+        source=path,
+        folder=folder,
+        xyz=cloud.xyz,
+        semantic=lookup[own],
+        instance=instance,
+        confidence=confidence_column(cloud, path),
+        classes=classes or cloud.classes,
+        is_named=bool(cloud.classes),
+        lookup=lookup,
     )
+
+
+def _find_cloud(output: Path) -> Path:
+    """Return the cloud to read: a run's map, or what is named."""
+    if not output.exists():
+        expected = "a run or a labelled cloud"
+        raise InputError(output, "no such file or folder", expected, "check the path")
+    path = output / "map.ply" if output.is_dir() else output
+    if not path.is_file():
+        expected = "a folder that 'mcpseg segment' wrote, or one cloud"
+        raise InputError(output, "no map.ply", expected, "check the path")
+    return path
 
 
 def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:
@@ -106,22 +114,18 @@ def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:
     extent = float(np.ptp(xyz.astype(np.float64), axis=0).max())
     if extent > 2 * MAX_COORDINATE:
         found, expected = f"points {extent:.6g} m apart", f"at most {2 * MAX_COORDINATE:.6g} m"
-        raise InputError(
-            source, found, expected, "check for stray points, or convert millimetres to metres"
+        remedy = "check for stray points, or convert millimetres to metres"
+        raise InputError(source, found, expected, remedy)
+
+
+def _look_up(own: tuple[str, ...], classes: tuple[str, ...], source: Path) -> NDArray[np.uint8]:
+    """Return the (256,) uint8 table from a file's classes to those asked for."""
+    if not own or not classes or own == classes:
+        return np.arange(256, dtype=np.uint8)
+    if set(own) - set(classes):
+        found, expected = (
+            f"classes {', '.join(own)}",
+            f"those of the first run: {', '.join(classes)}",
         )
-
-
-def _voxel_size(output: Path) -> float:
-    """Read the voxel size of a run."""
-    path = output / "run.json"
-    if not path.is_file():
-        return _DEFAULT_VOXEL
-    try:
-        size = float(json.loads(path.read_text())["configuration"]["voxel_size"])
-        if not 0.0 < size < np.inf:
-            raise ValueError(size)
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            path, "no voxel size", "a run.json that mcpseg wrote", "run mcpseg segment again"
-        ) from error
-    return size
+        raise InputError(source, found, expected, "score it by itself")
+    return remap_table(own, classes)

@@ -1,4 +1,4 @@
-"""The same figures with a room as the unit, where ground truth names rooms (ASIS, SGPN)."""
+"""The same metrics with a room as the unit, where ground truth names rooms (ASIS, SGPN)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COUNTS = ("objects_true", "objects_pred")
 
 @dataclass(frozen=True)
 class Room:
-    """Figures of one room.
+    """Scores of one room.
 
     Attributes:
         name: What it is called.
@@ -35,18 +35,18 @@ class Room:
     clusters: ClusterScores
 
     def document(self) -> dict[str, object]:
-        """Give every figure by name."""
-        figures = {
+        """Give every metric by name."""
+        return {
             "points": self.points,
             "point_accuracy": self.point_accuracy,
             "miou_present": self.miou_present,
+            **asdict(self.clusters),
         }
-        return {**figures, **asdict(self.clusters)}
 
 
 @dataclass(frozen=True)
 class RoomScores:
-    """Figures with a room as the unit.
+    """Scores with a room as the unit.
 
     Attributes:
         rooms: Every room that has scored points.
@@ -61,7 +61,8 @@ class RoomScores:
     objects: ObjectScores
 
     def document(self) -> dict[str, object]:
-        """Give every figure by name: class and cluster figures as means over rooms, counts as sums."""
+        """Give every metric by name: those of classes and clusters as means, counts as sums."""
+        # clusters: only rooms that have objects
         names = [field.name for field in fields(ClusterScores)]
         with_objects = [room for room in self.rooms if room.clusters.objects_true] or self.rooms
         values = {name: [getattr(room.clusters, name) for room in with_objects] for name in names}
@@ -69,6 +70,7 @@ class RoomScores:
             name: sum(values[name]) if name in _COUNTS else float(np.mean(values[name]))
             for name in names
         }
+
         return {
             "scored_over": "room",
             "rooms": len(self.rooms),
@@ -103,25 +105,26 @@ def score_rooms(
     Returns:
         The scores; None if no point is in a room.
     """
+    # the points in rooms, room by room
     inside = np.flatnonzero(room >= 0)
     if len(inside) == 0:
         return None
     order = inside[np.argsort(room[inside], kind="stable")]
     numbers, starts = np.unique(room[order], return_index=True)
-    groups = np.split(order, starts[1:])
-    named = zip(numbers.tolist(), groups, strict=True)
-    overlaps = find_overlaps(
-        _some(true, order),
-        _some(pred, order),
-        len(classes),
-        unit=room[order],
-        confidence=None if confidence is None else confidence[order],
+    groups = zip(numbers.tolist(), np.split(order, starts[1:]), strict=True)
+
+    # classes and clusters by room; objects in all rooms together, which match in their own
+    scored = tuple(
+        _score_room(rooms[number], _some(true, ids), _some(pred, ids), classes)
+        for number, ids in groups
     )
+    chosen = None if confidence is None else confidence[order]
+    overlaps = find_overlaps(
+        _some(true, order), _some(pred, order), len(classes), unit=room[order], confidence=chosen
+    )
+
     return RoomScores(
-        rooms=tuple(
-            _score_room(rooms[number], _some(true, ids), _some(pred, ids), classes)
-            for number, ids in named
-        ),
+        rooms=scored,
         without_room=len(room) - len(inside),
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.classes import UNKNOWN, remap_table
+from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.evaluate.class_scores import confusion_matrix, score_classes
 from mcpseg_cli.evaluate.cluster_scores import ClusterScores, score_clusters
 from mcpseg_cli.evaluate.object_scores import ObjectScores, score_objects
 from mcpseg_cli.evaluate.overlaps import Overlaps, PointLabels, find_overlaps
 from mcpseg_cli.evaluate.pairing import PairedTruth, pair_with_truth
-from mcpseg_cli.evaluate.prediction import Answer, read_answer
+from mcpseg_cli.evaluate.prediction import Prediction, read_prediction
 from mcpseg_cli.evaluate.room_scores import RoomScores, score_rooms
-from mcpseg_cli.evaluate.scan_by_scan import FollowedRun, RunMap, follow_run
+from mcpseg_cli.evaluate.scan_by_scan import ScanByScan, follow_scans
 from mcpseg_cli.evaluate.truth import Truth, open_truth
+from mcpseg_cli.formats.labels import check_classes
 
 Progress = Callable[[str, int, int], None]
-"""Called with what is being read, how much of it has been and how much there is (files, or megabytes)."""
+"""Called with what is being read, how much of it has been, and how much there is (files or MB)."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,12 @@ class Scores:
         ranked_by: What ranks predicted objects for average precision.
         counts: How many points are scored.
         classes: Class table.
-        confusion: (C, C + 1) int64, see ``metrics.confusion_matrix``.
+        confusion: (C, C + 1) int64, see ``class_scores.confusion_matrix``.
         clusters: How well the objects agree, whatever their class, over the whole map.
         overlaps: Objects over the whole map.
         objects: How well they agree with their class.
         rooms: The same with a room as the unit; None where the truth names none.
-        followed: What the scans of the run tell; None for one cloud.
+        scan_by_scan: What the scans of the run tell; None for one cloud.
         notices: Lines the user should know.
     """
 
@@ -87,11 +88,11 @@ class Scores:
     overlaps: Overlaps
     objects: ObjectScores
     rooms: RoomScores | None
-    followed: FollowedRun | None
+    scan_by_scan: ScanByScan | None
     notices: tuple[str, ...]
 
     def document(self) -> dict[str, object]:
-        """Give every figure under the name the field uses."""
+        """Give every metric under the name the field uses."""
         return {
             "out": str(self.output),
             "gt": str(self.truth),
@@ -106,7 +107,7 @@ class Scores:
             **asdict(self.objects),
             "ap_ranked_by": self.ranked_by,
             "rooms": self.rooms.document() if self.rooms else None,
-            **(self.followed.document() if self.followed else {}),
+            **(self.scan_by_scan.document() if self.scan_by_scan else {}),
         }
 
 
@@ -130,156 +131,154 @@ def evaluate_run(
             common to both.
         OSError: A file cannot be read.
     """
-    answer = read_answer(output)
+    # what is scored, and what it is compared with
+    prediction = read_prediction(output, classes)
     source = open_truth(truth, lambda _, done, size: told("ground truth", done >> 20, size >> 20))
-    table = classes or answer.classes or _table_of_truth(answer, source)
-    semantic = answer.classes_in(table)
+
+    # the truth about every point, in the class table of the scores
     paired = pair_with_truth(
-        answer.xyz,
+        prediction.xyz,
         source,
-        table,
-        answer.voxel_size / 2,
+        prediction.classes,
+        prediction.voxel_size / 2,
         lambda done: told("ground truth", done, len(source)),
     )
+    table = _choose_table(prediction, source, paired)
+    check_classes(prediction.semantic, table.classes, prediction.source)
+    _check_truth(prediction, source, paired)
+
+    # what happened on the way to the map
+    scans = follow_scans(
+        prediction,
+        paired.semantic,
+        len(table.classes),
+        lambda done, size: told("labelled scans", done, size),
+    )
+    return _score(prediction, source, paired, table, scans)
+
+
+@dataclass(frozen=True)
+class _ClassTable:
+    """The class table of the scores: where it is from, and what had to be assumed, if anything."""
+
+    classes: tuple[str, ...]
+    taken_from: str
+    assumption: str = ""
+
+
+def _choose_table(prediction: Prediction, truth: Truth, paired: PairedTruth) -> _ClassTable:
+    """Take the table that the truth was paired in; number the classes where no file names any."""
+    seen = prediction.semantic[prediction.semantic < UNKNOWN]
+    highest = max(int(seen.max(initial=0)), paired.highest_class)
+    table = paired.classes or tuple(f"class_{index}" for index in range(highest + 1))
+    if prediction.is_named and paired.is_named:
+        return _ClassTable(table, "out and gt, by name")
+
+    span = f"{table[0]} 0 … {table[-1]} {len(table) - 1}"
+    taken = "names no classes; they are taken to be those of"
+    if prediction.is_named:
+        return _ClassTable(table, "out", f"{truth.source} {taken} {prediction.source}: {span}")
+    if paired.is_named:
+        return _ClassTable(table, "gt", f"{prediction.source} {taken} {truth.source}: {span}")
+    assumption = "neither file names classes; equal numbers are taken for equal classes"
+    return _ClassTable(table, "neither", assumption)
+
+
+def _check_truth(prediction: Prediction, truth: Truth, paired: PairedTruth) -> None:
+    """Refuse truth of another place, and truth that says nothing at all."""
     if not paired.covered.any():
-        raise InputError(
-            output,
-            f"no point near those of {truth}",
-            "the same place in the same frame",
-            "check the two paths",
-        )
-    unscored = _unscored(truth, paired)
-    followed, missing = None, ""
-    if output.is_dir():
-        followed, missing = _follow(
-            output, answer, remap_table(table, answer.classes or table)[paired.semantic], told
-        )
-    classes_from, assumed = _whose_table(answer, source, paired, table)
-    notices = (
-        *source.notices,
-        *assumed,
-        *_unmatched(paired),
-        *unscored,
-        *([missing] if missing else []),
-    )
-    return _score(
-        answer, semantic, source, paired, followed=followed, facts=(table, classes_from, notices)
-    )
-
-
-def _follow(
-    output: Path, answer: Answer, true_semantic: NDArray[np.uint8], told: Progress
-) -> tuple[FollowedRun | None, str]:
-    """Follow a run scan by scan, in its own class table."""
-    xyz = answer.xyz.astype(np.float32, copy=False)
-    final = RunMap(xyz, answer.semantic, answer.instance, answer.voxel_size)
-    count = len(answer.classes) or int(true_semantic[true_semantic < UNKNOWN].max(initial=0)) + 1
-    return follow_run(
-        output,
-        final,
-        true_semantic,
-        count,
-        lambda done, all_scans: told("labelled scans", done, all_scans),
-    )
+        found = f"no point near those of {truth.source}"
+        expected = "the same place in the same frame"
+        raise InputError(prediction.output, found, expected, "check the two paths")
+    if not (paired.semantic != UNKNOWN).any() and not (paired.instance > 0).any():
+        found, expected = "neither class nor object for any covered point", "labelled ground truth"
+        raise InputError(truth.source, found, expected, "label it, or check the path")
 
 
 def _score(
-    answer: Answer,
-    semantic: NDArray[np.uint8],
+    prediction: Prediction,
     truth: Truth,
     paired: PairedTruth,
-    *,
-    followed: FollowedRun | None,
-    facts: tuple[tuple[str, ...], str, tuple[str, ...]],
+    table: _ClassTable,
+    scans: ScanByScan | None,
 ) -> Scores:
     """Count what is covered."""
-    classes, classes_from, notices = facts
+    # the points that are compared
     ids = np.flatnonzero(paired.covered)
     true = PointLabels(paired.semantic[ids], paired.instance[ids])
-    pred = PointLabels(semantic[ids], answer.instance[ids])
-    confidence = None if answer.confidence is None else answer.confidence[ids]
+    pred = PointLabels(prediction.semantic[ids], prediction.instance[ids])
+    confidence = None if prediction.confidence is None else prediction.confidence[ids]
+
+    # their classes, clusters and objects (IV-A, IV-B), over the whole map and by room
+    classes = table.classes
     known, in_object = true.semantic != UNKNOWN, true.instance > 0
     confusion = confusion_matrix(true.semantic[known], pred.semantic[known], len(classes))
+    clusters = score_clusters(true.instance[in_object], pred.instance[in_object])
     overlaps = find_overlaps(true, pred, len(classes), confidence=confidence)
+    room = paired.room[ids]
+    rooms = score_rooms(true, pred, room, rooms=truth.rooms, classes=classes, confidence=confidence)
+
     return Scores(
-        output=answer.source.parent if answer.unit == "voxel" else answer.source,
+        output=prediction.output,
         truth=truth.source,
-        unit=answer.unit,
+        unit=prediction.unit,
         pairing="by point" if paired.by_point else f"nearest within {paired.reach:g} m",
-        classes_from=classes_from,
+        classes_from=table.taken_from,
         ranked_by="nothing" if confidence is None else "mean confidence",
-        counts=PointCounts(
-            points=len(semantic),
-            covered=len(ids),
-            uncovered=len(semantic) - len(ids),
-            labelled=int(known.sum()),
-            unlabelled=len(ids) - int(known.sum()),
-            unpredicted=int(confusion[:, -1].sum()),
-            in_objects=int(in_object.sum()),
-            truth_points=paired.truth_points,
-            truth_uncovered=paired.truth_uncovered,
-        ),
+        counts=_count_points(paired, num_unpredicted=int(confusion[:, -1].sum())),
         classes=classes,
         confusion=confusion,
-        clusters=score_clusters(true.instance[in_object], pred.instance[in_object]),
+        clusters=clusters,
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),
-        rooms=score_rooms(
-            true, pred, paired.room[ids], rooms=truth.rooms, classes=classes, confidence=confidence
-        ),
-        followed=followed,
-        notices=notices,
+        rooms=rooms,
+        scan_by_scan=scans,
+        notices=tuple(_notices(prediction, truth, paired, table, scans)),
     )
 
 
-def _table_of_truth(answer: Answer, truth: Truth) -> tuple[str, ...]:
-    """Take the first class table of the truth; number the classes where no file names any."""
-    highest = int(answer.semantic[answer.semantic < UNKNOWN].max(initial=0))
-    for part in truth.parts():
-        if part.classes:
-            return part.classes
-        highest = max(highest, int(part.semantic[part.semantic < UNKNOWN].max(initial=0)))
-    return tuple(f"class_{index}" for index in range(highest + 1))
+def _count_points(paired: PairedTruth, num_unpredicted: int) -> PointCounts:
+    """Count the points that are scored, and those that are not."""
+    points, covered = len(paired.covered), int(paired.covered.sum())
+    labelled = int((paired.semantic != UNKNOWN).sum())  # what is not covered is unknown, too
+    return PointCounts(
+        points=points,
+        covered=covered,
+        uncovered=points - covered,
+        labelled=labelled,
+        unlabelled=covered - labelled,
+        unpredicted=num_unpredicted,
+        in_objects=int((paired.instance > 0).sum()),
+        truth_points=paired.truth_points,
+        truth_uncovered=paired.truth_uncovered,
+    )
 
 
-def _whose_table(
-    answer: Answer, truth: Truth, paired: PairedTruth, table: tuple[str, ...]
-) -> tuple[str, tuple[str, ...]]:
-    """Say whose class table it is, and what had to be assumed."""
-    span = f"{table[0]} 0 … {table[-1]} {len(table) - 1}"
-    if answer.classes and paired.is_named:
-        return "out and gt, by name", ()
-    if answer.classes:
-        return "out", (
-            f"{truth.source} names no classes; they are taken to be those of {answer.source}: {span}",
-        )
-    if paired.is_named:
-        return "gt", (
-            f"{answer.source} names no classes; they are taken to be those of {truth.source}: {span}",
-        )
-    return "neither", ("neither file names classes; equal numbers are taken for equal classes",)
+def _notices(
+    prediction: Prediction,
+    truth: Truth,
+    paired: PairedTruth,
+    table: _ClassTable,
+    scans: ScanByScan | None,
+) -> Iterator[str]:
+    """Say what was assumed, and what is not scored."""
+    yield from truth.notices
+    if table.assumption:
+        yield table.assumption
 
-
-def _unmatched(paired: PairedTruth) -> tuple[str, ...]:
-    """Say which true classes are not scored."""
+    # true classes and labels that are lacking
     others = {name: points for name, points in paired.other_classes.items() if points}
-    if not others:
-        return ()
-    listed = ", ".join(f"{name} ({points:,} points)" for name, points in others.items())
-    return (f"true classes that the run does not have count as unlabelled: {listed}",)
+    if others:
+        listed = ", ".join(f"{name} ({points:,} points)" for name, points in others.items())
+        yield f"true classes that the run does not have count as unlabelled: {listed}"
+    if not (paired.semantic != UNKNOWN).any():
+        yield f"{truth.source}: no covered point has a class; class and object figures are 0"
+    elif not (paired.instance > 0).any():
+        yield f"{truth.source}: no covered point is in an object; cluster and object figures are 0"
 
-
-def _unscored(truth: Path, paired: PairedTruth) -> tuple[str, ...]:
-    """Say which scores have nothing to go by; refuse truth that says nothing at all."""
-    has_classes = bool((paired.semantic != UNKNOWN).any())
-    has_objects = bool((paired.instance > 0).any())
-    if not has_classes and not has_objects:
-        found = "neither class nor object for any covered point"
-        raise InputError(truth, found, "labelled ground truth", "label it, or check the path")
-    if not has_classes:
-        return (f"{truth}: no covered point has a class; class and object figures are 0",)
-    return (
-        ()
-        if has_objects
-        else (f"{truth}: no covered point is in an object; cluster and object figures are 0",)
-    )
+    # scans that are lacking
+    if prediction.folder and scans is None:
+        missing = "times, stability and the curve over scans are not measured"
+        yield f"{prediction.folder.events_path} is not there; {missing}"
+    elif scans and scans.missing:
+        yield scans.missing

@@ -54,7 +54,13 @@ class CurveRecorder:
         self._rows: list[tuple[int, float, float]] = []
 
     def look(self, ids: NDArray[np.integer], semantic: NDArray[np.uint8]) -> None:
-        """Take in one labelled scan: (M,) voxels, none twice, and their (M,) classes as known then."""
+        """Take in one labelled scan.
+
+        Args:
+            ids: (M,) voxels it shows, none twice.
+            semantic: (M,) uint8 their classes as known then.
+        """
+        # each voxel of known class leaves the cell it was in and enters another
         known = self._true[ids] != UNKNOWN
         voxels, now = ids[known], np.minimum(semantic[known].astype(np.int64), self._num_classes)
         true, before = self._true[voxels], self._last[voxels]
@@ -62,6 +68,8 @@ class CurveRecorder:
         np.subtract.at(self._confusion, (true[seen], before[seen]), 1)
         np.add.at(self._confusion, (true, now), 1)
         self._last[voxels] = now
+
+        # the scores after this scan
         present, num_points = self._confusion.sum(axis=1) > 0, int(self._confusion.sum())
         iou = intersection_over_union(self._confusion)[present]
         accuracy = float(np.trace(self._confusion)) / max(num_points, 1)

@@ -1,4 +1,4 @@
-"""Ground truth, part by part: a folder of labelled scans, one cloud, or a building with its rooms."""
+"""Ground truth, part by part: a folder of labelled scans, one cloud, or a building with rooms."""
 
 from __future__ import annotations
 
@@ -9,17 +9,31 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud
 from mcpseg_cli.formats.buildings import HDF5_SUFFIXES, read_building
-from mcpseg_cli.formats.labels import check_classes, class_column, object_column
+from mcpseg_cli.formats.labels import point_labels
 from mcpseg_cli.formats.recording import list_clouds
 from mcpseg_cli.formats.s3dis import Progress
 
 NO_ROOM = -1
 _SLICE = 1 << 20  # points of a building that make a part
+
+
+class _NamedObject(BaseModel):
+    """An object of a recording's building."""
+
+    id: int
+    name: str
+
+
+class _Recording(BaseModel):
+    """What raytrace.json says of the building; all else in it is passed over."""
+
+    objects: list[_NamedObject] = []
 
 
 @dataclass(frozen=True)
@@ -77,9 +91,7 @@ class Truth:
             yield from _slices(self.source, self.building)
         for path in self.paths:
             cloud = read_cloud(path)
-            semantic, instance = class_column(cloud, path), object_column(cloud, path)
-            if cloud.classes:
-                check_classes(semantic, cloud.classes, path)
+            semantic, instance = point_labels(cloud, path)
             room = _look_up(self.room_of_object, instance)
             yield TruthPart(path, cloud.xyz, semantic, instance, room, cloud.classes)
 
@@ -96,14 +108,16 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
         InputError: Nothing there, or none of these.
         OSError: It cannot be read.
     """
+    # what cannot be ground truth
     if not path.exists():
         raise InputError(path, "no such file or folder", "ground truth", "check the path")
     if path.is_dir() and not any(path.iterdir()):
-        raise InputError(
-            path, "an empty folder", "labelled clouds or an S3DIS area", "check the path"
-        )
+        expected = "labelled clouds or an S3DIS area"
+        raise InputError(path, "an empty folder", expected, "check the path")
     if (path / "raytrace.json").is_file():
         raise InputError(path, "a recording", "its ground truth", f"name {path / 'gt'}")
+
+    # clouds, whose objects a record may give rooms; a building; one cloud
     if path.is_dir() and _has_clouds(path):
         rooms, room_of_object = _rooms_of_recording(path.absolute().parent / "raytrace.json")
         return Truth(path, rooms, paths=tuple(list_clouds(path)), room_of_object=room_of_object)
@@ -125,24 +139,23 @@ def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32
     if not record.is_file():
         return (), None
     try:
-        objects = {
-            int(item["id"]): str(item["name"])
-            for item in json.loads(record.read_text()).get("objects", [])
-        }
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            record, "no list of objects", "a record of mcpseg raytrace", "run it again"
-        ) from error
-    names = {
-        number: name.rpartition("/")[0]
-        for number, name in objects.items()
-        if number > 0 and "/" in name
+        objects = _Recording.model_validate(json.loads(record.read_text("utf-8"))).objects
+    except ValueError as error:
+        expected = "a record of mcpseg raytrace"
+        raise InputError(record, "no list of objects", expected, "run it again") from error
+
+    # an object's name begins with its room's: office_1/chair_2
+    room_names = {
+        item.id: item.name.rpartition("/")[0]
+        for item in objects
+        if item.id > 0 and "/" in item.name
     }
-    rooms = tuple(dict.fromkeys(names.values()))
+    rooms = tuple(dict.fromkeys(room_names.values()))
     if not rooms:
         return (), None
-    room_of_object = np.full(max(names) + 1, NO_ROOM, np.int32)
-    room_of_object[list(names)] = [rooms.index(name) for name in names.values()]
+
+    room_of_object = np.full(max(room_names) + 1, NO_ROOM, np.int32)
+    room_of_object[list(room_names)] = [rooms.index(name) for name in room_names.values()]
     return rooms, room_of_object
 
 

@@ -1,1 +1,1 @@
-"""What people look at: a labelled map as clouds, object lists, pictures and pages, and networks as ONNX."""
+"""What people look at: maps as clouds, object lists, pictures and pages; networks as ONNX."""

@@ -1,17 +1,16 @@
-"""Colours for what a map knows: classes, objects, confidence and embeddings, as (N, 3) uint8 sRGB."""
+"""Colours of classes, objects, confidence and embeddings, as (N, 3) uint8 sRGB."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
-ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")
 UNKNOWN_COLOUR = (128, 128, 128)
 _CLASS_COLOURS = {
@@ -45,6 +44,18 @@ _GOLDEN = 0.6180339887
 _PLASTIC = 0.7548776662  # the same in a second direction, with no common period
 _FIT_VOXELS = 100_000  # voxels that decide the axes of the embedding's colours
 
+# from OKLab to the responses of the eye's cones (their cube roots), and from these to linear sRGB
+_TO_CONES = np.array(
+    [[1, 0.3963378, 0.2158038], [1, -0.1055613, -0.0638542], [1, -0.0894842, -1.2914855]]
+)
+_TO_LINEAR = np.array(
+    [
+        [4.0767417, -3.3077116, 0.2309699],
+        [-1.2684380, 2.6097574, -0.3413194],
+        [-0.0041961, -0.7034186, 1.7076147],
+    ]
+)
+
 
 def class_palette(classes: Sequence[str]) -> NDArray[np.uint8]:
     """Choose a colour for every class.
@@ -65,7 +76,7 @@ def class_palette(classes: Sequence[str]) -> NDArray[np.uint8]:
 
 
 def instance_colours(instance: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """Colour objects: consecutive ids lie far apart, and an id has the same colour in every picture.
+    """Colour objects: consecutive ids lie far apart, and an id has one colour in all pictures.
 
     Args:
         instance: (N,) object ids; 0, none, is grey.
@@ -107,13 +118,17 @@ class EmbeddingColours:
 
     @classmethod
     def fit(cls, embedding: NDArray[np.float32]) -> EmbeddingColours:
-        """Find the directions by principal components of (N, E) embeddings; 98 in 100 of them fit the scale."""
+        """Find the directions by principal components.
+
+        Args:
+            embedding: (N, E) float32; 98 in 100 of them fit the scale.
+        """
         spread = np.cov(embedding.T.astype(np.float64))
         _, vectors = np.linalg.eigh(spread)
         axes = vectors[:, -1:-4:-1]
-        axes *= np.sign(
-            axes[np.abs(axes).argmax(axis=0), np.arange(3)]
-        )  # a direction has two signs: choose one
+
+        # a direction has two signs: choose one
+        axes *= np.sign(axes[np.abs(axes).argmax(axis=0), np.arange(3)])
         low, high = np.percentile(embedding @ axes, (1, 99), axis=0)
         return cls(axes.astype(np.float32), low.astype(np.float32), high.astype(np.float32))
 
@@ -142,6 +157,8 @@ def colouring(run: LabelledRun, by: ColourBy) -> Callable[[MapPart], NDArray[np.
     if by == "class":
         palette = class_palette(run.classes)
         return lambda part: palette[part.semantic]
+
+    # the embedding's axes are those of an even sample of the map
     stride = -(-len(run) // _FIT_VOXELS)
     sample = [part.select(part.ids % stride == 0).embedding for part in run.parts()]
     fitted = EmbeddingColours.fit(np.concatenate(sample))
@@ -156,22 +173,12 @@ def _from_hex(colour: str) -> tuple[int, int, int]:
 def _from_oklab(
     lightness: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """Convert (N,) OKLab coordinates (Ottosson 2020), in which distances are as far as they look, to (N, 3) sRGB."""
-    lab = np.stack([lightness, a, b])
-    cones = (
-        np.array(
-            [[1, 0.3963378, 0.2158038], [1, -0.1055613, -0.0638542], [1, -0.0894842, -1.2914855]]
-        )
-        @ lab
-    )
-    linear = np.array(
-        [
-            [4.0767417, -3.3077116, 0.2309699],
-            [-1.2684380, 2.6097574, -0.3413194],
-            [-0.0041961, -0.7034186, 1.7076147],
-        ]
-    ) @ (cones**3)
-    linear = np.clip(linear, 0.0, 1.0).T
+    """Convert (N,) OKLab coordinates to (N, 3) sRGB (Ottosson 2020).
+
+    In OKLab, colours are as far apart as they look.
+    """
+    cones = _TO_CONES @ np.stack([lightness, a, b])
+    linear = np.clip(_TO_LINEAR @ (cones**3), 0.0, 1.0).T
     gamma = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return _rounded(255 * gamma)
 

@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.colours import (
     COLOUR_BY,
-    ColourBy,
     class_palette,
     colouring,
     confidence_colours,
@@ -40,7 +40,7 @@ _TYPES = {"u1": np.uint8, "u2": np.uint16, "u4": np.uint32, "i4": np.int32, "f4"
 
 @dataclass(frozen=True)
 class _Points:
-    """What the page shows, in the order it was first seen in; the letters are those of ``MapPart``."""
+    """What the page shows, in the order it was first seen in; columns as those of ``MapPart``."""
 
     xyz: NDArray[np.float32]
     rgb: NDArray[np.uint8]
@@ -70,8 +70,11 @@ def write_html(
         OutputError: K3D is not installed.
         OSError: The file cannot be written.
     """
+    # without the library nothing is worth gathering
     library = _library()
     points = _gather(selection.parts(run), colouring(run, "embedding"))
+
+    # names from files must not end up as markup
     cloud, facts = _describe(run, points, colour_by)
     title = escape(run.folder.resolve().name or "map")
     texts = {
@@ -88,12 +91,15 @@ def _describe(
     run: LabelledRun, points: _Points, colour_by: ColourBy
 ) -> tuple[bytes, dict[str, object]]:
     """Give the columns of the page as bytes, and all else that it has to know."""
+    # positions as steps from a corner, around an origin in the middle
     origin = (points.xyz.min(axis=0).astype(np.float64) + points.xyz.max(axis=0)) / 2
     local = points.xyz - origin
     step = max(float(np.ptp(local, axis=0).max()), 1e-3) / _STEPS
-    low, high = np.percentile(local, (1, 99), axis=0)  # stray points do not decide where to look
     path = (run.poses[:, :3, 3] - origin).astype(np.float32)
     cloud, table = _pack(_columns(points, local, step, path, run.classes))
+
+    # where to look, whatever stray points there are
+    low, high = np.percentile(local, (1, 99), axis=0)
     return cloud, {
         "num_points": len(local),
         "num_scans": len(path),
@@ -111,7 +117,7 @@ def _describe(
 
 
 def _library() -> bytes:
-    """Read K3D's script from where it is installed, without importing it and the notebook it is made for."""
+    """Read K3D's script from where it is installed, without importing it and its notebook."""
     spec = find_spec("k3d")
     if spec is None or spec.origin is None:
         raise OutputError(
@@ -139,6 +145,7 @@ def _columns(
 ) -> dict[str, NDArray[np.generic]]:
     """Give the arrays of the page; positions axis by axis, which packs better."""
     ids, place, sizes = np.unique(points.instance, return_inverse=True, return_counts=True)
+
     return {
         "xyz": np.rint((local - local.min(axis=0)) / step).astype(np.uint16).T,
         "rgb": points.rgb,
@@ -172,22 +179,21 @@ def _legend(
     semantic: NDArray[np.uint8], classes: tuple[str, ...]
 ) -> list[dict[str, str | int | bool]]:
     """List the classes that occur."""
-    counts = np.bincount(semantic, minlength=256)
+    counts = np.bincount(semantic, minlength=256).tolist()
     names = {**dict(enumerate(classes)), UNKNOWN: "unknown"}
-    return [
-        {
-            "semantic": index,
-            "name": names.get(index, f"class {index}"),
-            "num_points": int(counts[index]),
-            "shown": names.get(index) not in _HIDDEN_AT_FIRST
-            or int(counts[index]) == len(semantic),
-        }
-        for index in np.flatnonzero(counts).tolist()
-    ]
+    legend: list[dict[str, str | int | bool]] = []
+    for index in (index for index, count in enumerate(counts) if count):
+        # a map of nothing else than ceilings shows them
+        is_shown = names.get(index) not in _HIDDEN_AT_FIRST or counts[index] == len(semantic)
+        name = names.get(index, f"class {index}")
+        legend.append(
+            {"semantic": index, "name": name, "num_points": counts[index], "shown": is_shown}
+        )
+    return legend
 
 
 def _as_script_json(document: object) -> str:
-    """Write JSON that may stand in a script element whatever names it holds: no character of it can end one."""
+    """Write JSON that can stand in a script element: none of its characters can end one."""
     text = json.dumps(document)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")

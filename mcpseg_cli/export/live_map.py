@@ -1,4 +1,4 @@
-"""A run of ``mcpseg segment`` shown in the Rerun viewer while it goes on (an extra: ``mcpseg[rerun]``)."""
+"""A run shown in the Rerun viewer while it goes on (an extra: ``mcpseg[rerun]``)."""
 
 from __future__ import annotations
 
@@ -36,6 +36,9 @@ class LiveMap:
     def __init__(self, target: str, classes: tuple[str, ...], voxel_size: float) -> None:
         self._stream = open_stream()
         self._target = target
+        self._ends: list[int] = []  # voxels after each scan told of
+
+        # Rerun connects when it is first told something
         try:
             self._open()
             self._log = RerunLog(self._stream, classes, voxel_size)
@@ -43,10 +46,9 @@ class LiveMap:
         except RuntimeError as error:
             self._stream.disconnect()
             raise OutputError(
-                f"--rerun {target}: no viewer answers; expected 'spawn', a running viewer's URL or a .rrd file; "
-                "start it with 'rerun' or leave --rerun out"
+                f"--rerun {target}: no viewer answers; expected 'spawn', a running viewer's URL "
+                "or a .rrd file; start it with 'rerun' or leave --rerun out"
             ) from error
-        self._ends: list[int] = []  # voxels after each scan told of
 
     def __enter__(self) -> Self:
         return self
@@ -69,13 +71,15 @@ class LiveMap:
             rows: The whole map as known now.
             changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
         """
+        # new scans with the voxels that they saw first
         known = len(self._ends)
         for number in range(known, len(records)):
             start = self._ends[-1] if self._ends else 0
             self._ends.append(records[number].num_voxels)
-            self._log.add_scan(
-                number, records[number].pose, _points(rows, slice(start, self._ends[-1]))
-            )
+            points = _points(rows, slice(start, self._ends[-1]))
+            self._log.add_scan(number, records[number].pose, points)
+
+        # earlier scans of which a voxel changed
         ends = np.array(self._ends)
         owners = np.unique(np.searchsorted(ends, changed, side="right"))
         for number in owners[owners < known].tolist():
@@ -83,6 +87,7 @@ class LiveMap:
             self._log.relabel(number, _points(rows, slice(start, self._ends[number])))
 
     def _open(self) -> None:
+        """Start a viewer, connect to one, or open a file."""
         if self._target == SPAWN:
             self._stream.spawn()
         elif "://" in self._target:

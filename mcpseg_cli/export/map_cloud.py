@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.export.colours import ColourBy, colouring
+from mcpseg_cli.choices import ColourBy
+from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import Cloud, write_parts
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart

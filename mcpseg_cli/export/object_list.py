@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcpseg_cli.export.colours import ColourBy, colouring
+from mcpseg_cli.choices import ColourBy
+from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.map_cloud import as_cloud, label_prefix_for
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts
@@ -74,11 +75,14 @@ def write_object_clouds(
         OSError: The disk is full or the folder not writable.
     """
     items = _chosen(run, selection)
+
+    # all voxels of these objects, object after object
     of_them = Selection(instances=tuple(item.id for item in items))
     colour = colouring(run, colour_by)
     voxels = joined(part.select(of_them.mask(part, run.classes)) for part in run.parts())
     order = np.argsort(voxels.instance, kind="stable")
     ends = np.cumsum([item.num_points for item in items])
+
     folder.mkdir(exist_ok=True)
     for item, rows in zip(items, np.split(order, ends[:-1]), strict=True):
         path = folder / f"{item.id:06d}_{item.class_name.replace('/', '_')}{suffix}"
@@ -98,23 +102,24 @@ def _chosen(run: LabelledRun, selection: Selection) -> list[MapObject]:
 
 def _as_csv(items: list[MapObject]) -> str:
     """Give a row for each object; corners and sizes become a column for each axis."""
-    rows = []
-    for item in items:
-        row: dict[str, object] = {}
-        for name, value in asdict(item).items():
-            if name in _AXES:
-                row |= {
-                    f"{name}_{axis}": number
-                    for axis, number in zip(_AXES[name], value, strict=True)
-                }
-            else:
-                row[name] = value
-        rows.append(row)
+    rows = [_as_row(item) for item in items]
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
+
+
+def _as_row(item: MapObject) -> dict[str, object]:
+    """Give an object's values by column."""
+    row: dict[str, object] = {}
+    for name, value in asdict(item).items():
+        if name in _AXES:
+            named = zip(_AXES[name], value, strict=True)
+            row |= {f"{name}_{axis}": number for axis, number in named}
+        else:
+            row[name] = value
+    return row
 
 
 def _as_geojson(items: list[MapObject], least: float) -> str:

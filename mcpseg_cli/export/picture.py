@@ -1,4 +1,4 @@
-"""Pictures of a labelled map: from above, cut away and in perspective, with legend and robot path; no display."""
+"""Pictures of a labelled map with legend and robot path: from above, cut away, in perspective."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from mcpseg_cli.errors import naming
+from mcpseg_cli.choices import View
 from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
-from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings, View
+from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings
+from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _SIZE, _TURNTABLE_SIZE = 1600, 640  # longest side without the legend, pixels
@@ -27,7 +28,15 @@ _PATH_COLOUR, _PATH_EDGE = (190, 0, 60), (255, 255, 255)
 
 @dataclass(frozen=True)
 class _Scene:
-    """What is drawn: (N, 3) points and colours, (S, 3) positions of the robot, size of a voxel and legend."""
+    """What is drawn.
+
+    Attributes:
+        xyz: (N, 3) float32 points, metres, map frame.
+        rgb: (N, 3) uint8.
+        path: (S, 3) float64 positions of the robot.
+        voxel_size: Metres.
+        entries: The legend.
+    """
 
     xyz: NDArray[np.float32]
     rgb: NDArray[np.uint8]
@@ -78,16 +87,11 @@ def write_turntable(
 
 def _save(picture: Image.Image, path: Path, others: list[Image.Image] | None = None) -> None:
     """Write a picture that appears under its name only when complete."""
-    partial = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        with naming(path):
-            if others is None:
-                picture.save(partial)
-            else:
-                picture.save(partial, save_all=True, append_images=others, duration=80, loop=0)
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial:
+        if others is None:
+            picture.save(partial)
+        else:
+            picture.save(partial, save_all=True, append_images=others, duration=80, loop=0)
 
 
 def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) -> _Scene:
@@ -95,33 +99,31 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     selection.check(run)
     colour = colouring(run, settings.colour_by)
     floor = _floors(run)
+
+    # what is chosen and not cut off, part by part
     xyz, rgb, present = [], [], np.zeros(256, bool)
     for part in run.parts():
-        chosen = selection.mask(part, run.classes) & (
-            part.xyz[:, 2] - floor[part.scan] < settings.cut
-        )
-        kept: MapPart = part.select(chosen)
+        is_low = part.xyz[:, 2] - floor[part.scan] < settings.cut
+        kept: MapPart = part.select(selection.mask(part, run.classes) & is_low)
         xyz.append(kept.xyz)
         rgb.append(colour(kept))
         present[kept.semantic] = True
     points = np.concatenate(xyz)
     if len(points) == 0:
         raise selection.nothing_chosen(run)
-    entries = [
-        *legend_entries(settings.colour_by, run.classes, present),
-        LegendEntry("robot path", _PATH_COLOUR, is_line=True),
-    ]
-    return _Scene(
-        points,
-        np.concatenate(rgb),
-        run.poses[:, :3, 3],
-        float(str(run.settings["voxel_size"])),
-        entries,
-    )
+
+    # what the colours mean that are to be seen
+    entries = legend_entries(settings.colour_by, run.classes, present)
+    entries.append(LegendEntry("robot path", _PATH_COLOUR, is_line=True))
+    voxel_size = float(str(run.settings["voxel_size"]))
+    return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], voxel_size, entries)
 
 
 def _floors(run: LabelledRun) -> NDArray[np.float64]:
-    """Return (S,) the floor's height at each scan, where it was not known that of the nearest scan before or after."""
+    """Return (S,) the floor's height at each scan.
+
+    Where it was not known, it is that of the scan before that knew it, else of the first that did.
+    """
     heights = np.array([np.nan if record.floor is None else record.floor for record in run.scans])
     known = np.flatnonzero(np.isfinite(heights))
     if len(known) == 0:
@@ -135,15 +137,20 @@ def _draw(
     scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning: bool = False
 ) -> Image.Image:
     """Draw the scene from one direction; the longest side of the picture has that many pixels."""
+    # the camera looks at the middle, whatever stray points there are
     low, high = np.percentile(scene.xyz, (0.1, 99.9), axis=0)
     reach = float(np.linalg.norm(high - low))
     distance = 1.1 * reach + 2.0 if view == "perspective" else None
     camera = Camera.aslant((low + high) / 2, yaw_deg, PITCH_DEG[view], distance)
     plane, depth, size = camera.project(scene.xyz)
-    if is_turning:  # every frame of a turntable shows the same piece of the world
+
+    # every frame of a turntable shows the same piece of the world
+    if is_turning:
         left_bottom, right_top = np.full(2, -reach / 2), np.full(2, reach / 2)
     else:
         left_bottom, right_top = np.nanpercentile(plane, (0.1, 99.9), axis=0)
+
+    # from metres in the picture's plane to pixels
     extent = np.maximum(right_top - left_bottom, scene.voxel_size)
     margin = _MARGIN * extent.max() + scene.voxel_size
     scale = _OVERSIZE * longest / float(extent.max() + 2 * margin)  # pixels a metre
@@ -154,6 +161,7 @@ def _draw(
         pixels: NDArray[np.float64] = (plane - corner) * np.array([scale, -scale])
         return pixels
 
+    # discs, shading, the path, and what was drawn too large made small
     radius = np.maximum(_RADIUS * scene.voxel_size * scale * size, 0.5)
     bulge = _RADIUS * scene.voxel_size
     image, nearest = draw_points(place(plane), depth, radius, scene.rgb, (rows, columns), bulge)
@@ -163,7 +171,7 @@ def _draw(
 
 
 def _reaches(radius: NDArray[np.float64]) -> tuple[int, ...]:
-    """Choose how far shading looks, pixels: from next to a disc's rim to twice its size, in even steps."""
+    """Choose how far shading looks, pixels: in even steps to twice the size of a disc."""
     farthest = max(float(np.nanmedian(radius)) * 2, 4 * _OVERSIZE)
     return tuple(max(1, round(farthest * share)) for share in (0.25, 0.5, 0.75, 1.0))
 
@@ -173,14 +181,13 @@ def _draw_path(picture: Image.Image, places: NDArray[np.float64]) -> None:
     points = [(x, y) for x, y in places.tolist() if np.isfinite((x, y)).all()]
     if not points:
         return
+
+    # the path with an edge, so that it stands out from what it crosses
     canvas = ImageDraw.Draw(picture)
     width = max(3, max(picture.size) // 640)
     for colour, wide in ((_PATH_EDGE, 2 * width), (_PATH_COLOUR, width)):
         canvas.line(points, fill=colour, width=wide, joint="curve")
+
     x, y = points[-1]
-    canvas.ellipse(
-        (x - 2 * width, y - 2 * width, x + 2 * width, y + 2 * width),
-        _PATH_COLOUR,
-        _PATH_EDGE,
-        width // 2,
-    )
+    dot = (x - 2 * width, y - 2 * width, x + 2 * width, y + 2 * width)
+    canvas.ellipse(dot, _PATH_COLOUR, _PATH_EDGE, width // 2)

@@ -1,4 +1,4 @@
-"""Points to pixels without a graphics card: a camera, discs with a depth buffer, and shading from depth alone."""
+"""Points to pixels without a graphics card: a camera, discs with a depth buffer, and shading."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def draw_points(
     shape: tuple[int, int],
     bulge: float,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Draw points as bulging discs; the nearer hides the farther, and discs side by side meet halfway.
+    """Draw points as bulging discs; the nearer hides the farther, and neighbours meet halfway.
 
     Args:
         place: (N, 2) column and row of each centre, pixels from the picture's upper left corner.
@@ -120,12 +120,17 @@ def _draw_discs(
     image: NDArray[np.uint8],
     nearest: NDArray[np.float32],
 ) -> None:
-    """Go through all pixels of all discs; a disc covers a pixel if it covers its middle, and at least one pixel."""
+    """Go through all pixels of all discs.
+
+    A disc covers the pixels whose middle it covers, and the one that its own middle is in.
+    """
     for i in range(place.shape[0]):
         x, y, r = place[i, 0], place[i, 1], radius[i]
         own_row, own_column = int(np.floor(y)), int(np.floor(x))
         if not (-r <= x < image.shape[1] + r and -r <= y < image.shape[0] + r):
             continue
+
+        # only the pixels around it
         for row in range(max(0, int(y - r)), min(image.shape[0], int(y + r) + 1)):
             for column in range(max(0, int(x - r)), min(image.shape[1], int(x + r) + 1)):
                 across, down = column + 0.5 - x, row + 0.5 - y
@@ -140,7 +145,7 @@ def _draw_discs(
 def shade(
     image: NDArray[np.uint8], depth: NDArray[np.float32], reaches: Sequence[int]
 ) -> NDArray[np.uint8]:
-    """Darken what lies behind its surroundings in the picture, so that shapes stand out (after Boucheny 2009).
+    """Darken what lies behind its surroundings in the picture (after Boucheny 2009).
 
     Args:
         image: (rows, columns, 3) uint8.
@@ -148,17 +153,12 @@ def shade(
         reaches: Pixels to the neighbours that are looked at.
 
     Returns:
-        (rows, columns, 3) uint8, a new array.
+        (rows, columns, 3) uint8, a new array, in which shapes stand out.
     """
+    ways = [way for way in product((-1, 0, 1), repeat=2) if way != (0, 0)]
+    offsets = np.array([(reach * y, reach * x) for reach in reaches for y, x in ways])
+
     light = np.ones(depth.shape, np.float32)
-    offsets = np.array(
-        [
-            (s * y, s * x)
-            for s in reaches
-            for y, x in product((-1, 0, 1), repeat=2)
-            if (y, x) != (0, 0)
-        ]
-    )
     _shade(depth, offsets, light)
     shaded: NDArray[np.float32] = image * light[:, :, None]
     return shaded.astype(np.uint8)
@@ -168,7 +168,7 @@ def shade(
 def _shade(
     depth: NDArray[np.float32], offsets: NDArray[np.int64], light: NDArray[np.float32]
 ) -> None:
-    """Give the share of light of every pixel, from how far it lies behind the neighbours at these offsets."""
+    """Give every pixel's share of light, by how far it lies behind neighbours at these offsets."""
     for row in range(depth.shape[0]):
         for column in range(depth.shape[1]):
             if not np.isfinite(depth[row, column]):

@@ -1,8 +1,7 @@
-"""Input scans with the labels of the final map: original points and attributes in original order."""
+"""Input scans with the labels of the final map: original points and attributes in their order."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from mcpseg_cli.formats.recording import ScanFile, read_scan
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.labelled_run import LabelledRun
-from mcpseg_cli.segment.scan_record import ScanRecord
 
 _UNKNOWN = Labels(np.array([255], np.uint8), np.zeros(1, np.int32), np.zeros(1, np.float32))
 
@@ -38,19 +36,11 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
         if record.error is None:
             path = scans / record.name
             if not path.is_file():
-                raise InputError(
-                    path,
-                    "no such scan",
-                    f"the scans of {run.folder}",
-                    "name the folder of its input",
-                )
-            if not _is_same(path, record):
-                raise InputError(
-                    path,
-                    "changed since it was labelled",
-                    f"the scan as {run.folder} was made from it",
-                    "restore it",
-                )
+                expected = f"the scans of {run.folder}"
+                raise InputError(path, "no such scan", expected, "name the folder of its input")
+            if not record.file.matches(path):
+                expected = f"the scan as {run.folder} was made from it"
+                raise InputError(path, "changed since it was labelled", expected, "restore it")
             files.append(ScanFile(path, record.pose))
     return files
 
@@ -79,12 +69,16 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
             f"{folder}: holds the input scans; expected another folder; choose another -o"
         )
     sources = check_scans(run, scans)
+
+    # the whole map as a look-up table, and the labels of its voxels
     voxel_size, frame = float(str(run.settings["voxel_size"])), run.settings["frame"]
     voxels, labels = VoxelMap(voxel_size), []
     for part in run.parts():
         voxels.restore(part.xyz, part.rgb)
         labels.append(Labels(part.semantic, part.instance, part.confidence))
     known = _joined([*labels, _UNKNOWN], run.classes)
+
+    # every scan by itself
     folder.mkdir(exist_ok=True)
     for source in sources:
         scan, cloud = read_scan(source, "sensor" if frame == "sensor" else "map", voxel_size)
@@ -107,14 +101,3 @@ def _taken(labels: Labels, ids: NDArray[np.int32]) -> Labels:
     return Labels(
         labels.semantic[ids], labels.instance[ids], labels.confidence[ids], labels.classes
     )
-
-
-def _is_same(path: Path, record: ScanRecord) -> bool:
-    """Compare a file with the one consumed; its content only where size and time of change do not settle it."""
-    status = path.stat()
-    if status.st_size != record.size:
-        return False
-    if status.st_mtime_ns == record.mtime_ns:
-        return True
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == record.sha256

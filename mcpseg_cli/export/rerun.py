@@ -1,8 +1,7 @@
-"""A labelled map for the Rerun viewer, an extra (``mcpseg[rerun]``): scans on a timeline, path and pose."""
+"""A labelled map for the Rerun viewer (an extra: ``mcpseg[rerun]``): scans on a timeline, path."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.errors import OutputError
-from mcpseg_cli.export.colours import ColourBy, class_palette, colouring
+from mcpseg_cli.export.colours import class_palette, colouring
 from mcpseg_cli.export.selection import Selection
+from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 if TYPE_CHECKING:
@@ -50,7 +51,9 @@ class LabelledPoints:
 
 
 class RerunLog:
-    """A map told to Rerun scan by scan. Each scan's new points are an entity of their own, so that the map grows.
+    """A map told to Rerun scan by scan.
+
+    Each scan's new points are an entity of their own, so that the map grows.
 
     Args:
         stream: Where it goes.
@@ -67,10 +70,10 @@ class RerunLog:
         self._stream = stream
         self._radius = _POINT_RADIUS * voxel_size
         self._last_place: NDArray[np.float64] | None = None
-        palette = class_palette(classes)
-        names = [
-            (index, name, tuple(palette[index].tolist())) for index, name in enumerate(classes)
-        ]
+
+        # what holds at all times
+        palette = class_palette(classes).tolist()
+        names = [(index, name, tuple(palette[index])) for index, name in enumerate(classes)]
         stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         stream.log("map", rerun.AnnotationContext(names), static=True)
         stream.log("scanner", rerun.TransformAxes3D(0.5), static=True)
@@ -83,15 +86,16 @@ class RerunLog:
             pose: (4, 4) sensor to map, metres.
             points: May be none.
         """
+        # the scanner, and the step that took it there
         rerun = self._rerun
         self._stream.set_time(TIMELINE, sequence=number)
         self._stream.log("scanner", rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         if self._last_place is not None:
-            step = rerun.LineStrips3D(
-                [np.stack([self._last_place, pose[:3, 3]])], colors=[0xFF7A1AFF]
-            )
-            self._stream.log(f"path/{number:06d}", step)
+            step = np.stack([self._last_place, pose[:3, 3]])
+            line = rerun.LineStrips3D([step], colors=[0xFF7A1AFF])
+            self._stream.log(f"path/{number:06d}", line)
         self._last_place = pose[:3, 3].copy()
+
         if len(points.xyz):
             cloud = rerun.Points3D(
                 points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
@@ -109,7 +113,7 @@ class RerunLog:
         self._stream.log(_entity(number), classes, self._labels(points))
 
     def _labels(self, points: LabelledPoints) -> AnyValues:
-        """Give what the viewer has no kind of its own for; it shows it for the point under the cursor."""
+        """Give what the viewer shows for the point under the cursor only."""
         return self._rerun.AnyValues(instance=points.instance, confidence=points.confidence)
 
 
@@ -149,21 +153,18 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    partial = path.with_name(f".{os.getpid()}.part{path.suffix}")
-    try:
+    with whole_file(path) as partial:
         partial.touch()  # fails as a file should; Rerun's own words say less
         stream.save(partial)
+
+        # the points are in the order of their scans
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
         for number, record in enumerate(run.scans):
-            log.add_scan(
-                number, record.pose, points.select(slice(bounds[number], bounds[number + 1]))
-            )
+            own = points.select(slice(bounds[number], bounds[number + 1]))
+            log.add_scan(number, record.pose, own)
         stream.flush()
         stream.disconnect()
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
     return len(scan)
 
 
@@ -172,22 +173,15 @@ def _gather(
 ) -> tuple[LabelledPoints, NDArray[np.int32]]:
     """Take the chosen voxels and the scans that first saw them."""
     colour = None if colour_by == "class" else colouring(run, colour_by)
-    rows = [
-        (
-            part.xyz,
-            part.semantic,
-            part.instance,
-            part.confidence,
-            part.scan,
-            colour(part) if colour else part.rgb,
-        )
-        for part in selection.parts(run)
-    ]
-    xyz, semantic, instance, confidence, scan, rgb = (
-        np.concatenate(column) for column in zip(*rows, strict=True)
-    )
+    rows = []
+    for part in selection.parts(run):
+        rgb = colour(part) if colour else part.rgb
+        rows.append((part.xyz, part.semantic, part.instance, part.confidence, rgb, part.scan))
+
+    xyz, semantic, instance, confidence, rgb, scan = map(np.concatenate, zip(*rows, strict=True))
     return LabelledPoints(xyz, semantic, instance, confidence, rgb if colour else None), scan
 
 
 def _entity(number: int) -> str:
+    """Name the entity of the points that a scan saw first."""
     return f"map/{number:06d}"

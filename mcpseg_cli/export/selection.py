@@ -57,10 +57,11 @@ class Selection:
             (V,) bool.
         """
         chosen = np.ones(len(part), bool)
+
+        # each condition that there is takes some away
         if self.classes is not None:
-            chosen &= np.isin(
-                part.semantic, [index for index, name in enumerate(classes) if name in self.classes]
-            )
+            wanted = [index for index, name in enumerate(classes) if name in self.classes]
+            chosen &= np.isin(part.semantic, wanted)
         if self.instances is not None:
             chosen &= np.isin(part.instance, self.instances)
         if self.min_confidence is not None:

@@ -27,24 +27,25 @@ def check_targets(
     Raises:
         OutputError: Says which and why.
     """
+    # each its own place
     resolved = [path.resolve() for path in outputs]
-    if len(set(resolved)) != len(resolved):
-        twice = next(
-            path for path, place in zip(outputs, resolved, strict=True) if resolved.count(place) > 1
-        )
-        raise OutputError(f"{twice}: named twice; expected different files; leave one out")
+    twice = [path for path in outputs if resolved.count(path.resolve()) > 1]
+    if twice:
+        raise OutputError(f"{twice[0]}: named twice; expected different files; leave one out")
+
+    # a folder only if it is to be filled
     folders = [path for path in outputs if not path.suffix]
     if len(folders) != int(fills_folder):
         named = ", ".join(map(str, folders)) or "no folder"
-        expected = (
-            "one folder -o to fill"
-            if fills_folder
-            else "an ending, or --scans or --split to fill a folder"
-        )
+        expected = "an ending, or --scans or --split to fill a folder"
+        expected = "one folder -o to fill" if fills_folder else expected
         raise OutputError(f"{named}: named by -o; expected {expected}; see 'mcpseg export --help'")
+
+    # known endings; weights by themselves
     if any(path.suffix.lower() == MODEL for path in outputs) and len(outputs) > 1:
         raise OutputError(
-            f"{outputs[0]}: beside others; expected {MODEL} by itself; it is made from weights, not a run"
+            f"{outputs[0]}: beside others; expected {MODEL} by itself; "
+            "it is made from weights, not a run"
         )
     for path in outputs:
         if path.suffix and path.suffix.lower() not in SUFFIXES:
@@ -55,15 +56,19 @@ def check_targets(
 
 
 def _check_target(run: Path, path: Path, *, overwrite: bool) -> None:
-    """Refuse a file or folder that lies in the run, is there already, or has no folder to lie in."""
+    """Refuse a file or folder that lies in the run, is there already, or has nowhere to lie."""
+    # where it lies
     if run.resolve() in (path.resolve(), *path.resolve().parents):
         raise OutputError(
             f"{path}: lies in the run {run}; expected a place outside it; choose another -o"
         )
     if not path.parent.is_dir():
         raise OutputError(
-            f"{path}: {path.parent} is no folder; expected an existing one; make it or choose another -o"
+            f"{path}: {path.parent} is no folder; expected an existing one; "
+            "make it or choose another -o"
         )
+
+    # what is there already
     is_folder = not path.suffix
     if path.exists() and path.is_dir() != is_folder:
         found, wanted = ("a file", "folder") if is_folder else ("a folder", "file")

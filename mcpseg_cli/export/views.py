@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-from mcpseg_cli.export.colours import ColourBy
+from mcpseg_cli.choices import ColourBy, View
 
-View = Literal["top", "cut", "perspective"]
 PITCH_DEG: dict[View, float] = {"top": 90.0, "cut": 55.0, "perspective": 38.0}
 """How steeply each view looks down."""
 YAW_DEG: dict[View, float] = {"top": 0.0, "cut": 30.0, "perspective": 30.0}

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from mcpseg_cli.errors import InputError, OutputError, naming
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.parts import CloudParts, OnePart
-from mcpseg_cli.formats.steady import whole_file
+from mcpseg_cli.formats.steady import steady_file
+from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.scan import Labels
 
 CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
-PARTIAL = ".part"
-"""Ending of a file that is still being written."""
 
 
 def read_cloud(path: Path) -> Cloud:
@@ -40,12 +39,8 @@ def read_cloud(path: Path) -> Cloud:
     elif suffix == ".pcd":
         from mcpseg_cli.formats.pcd import read_pcd as read
     else:
-        raise InputError(
-            path,
-            f"a file ending in {suffix or 'nothing'!r}",
-            ", ".join(CLOUD_SUFFIXES),
-            "convert it",
-        )
+        found = f"a file ending in {suffix or 'nothing'!r}"
+        raise InputError(path, found, ", ".join(CLOUD_SUFFIXES), "convert it")
     return checked(path, read(path))
 
 
@@ -60,7 +55,8 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
         OutputError: The format is not supported, or has no room for an attribute.
         OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
     """
-    write_partial(path, cloud).replace(path)
+    with whole_cloud(path, cloud):
+        pass
 
 
 def write_parts(path: Path, parts: CloudParts) -> None:
@@ -77,21 +73,23 @@ def write_parts(path: Path, parts: CloudParts) -> None:
     if path.suffix.lower() == ".h5":
         from mcpseg_cli.formats.cloud_h5 import write_cloud_h5
 
-        with whole_file(path) as file:
+        with steady_file(path) as file:
             write_cloud_h5(file, parts)
     else:
-        _write_partial(path, parts).replace(path)
+        with whole_file(path) as partial:
+            _write(path, partial, parts)
 
 
-def write_partial(path: Path, cloud: Cloud) -> Path:
-    """Write a point cloud file under a temporary name beside ``path``, to be renamed when its time has come.
+@contextmanager
+def whole_cloud(path: Path, cloud: Cloud) -> Iterator[Path]:
+    """Write a point cloud file that gets its name when the block ends without an error.
 
     Args:
         path: As for ``write_cloud``.
         cloud: As for ``write_cloud``.
 
-    Returns:
-        The complete temporary file.
+    Yields:
+        The complete file under its temporary name.
 
     Raises:
         OutputError: As for ``write_cloud``.
@@ -100,25 +98,23 @@ def write_partial(path: Path, cloud: Cloud) -> Path:
     suffix = path.suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
         raise OutputError(
-            f"{path}: cannot write {suffix or 'nothing'!r}; expected {', '.join(CLOUD_SUFFIXES)}; rename it"
+            f"{path}: cannot write {suffix or 'nothing'!r}; "
+            f"expected {', '.join(CLOUD_SUFFIXES)}; rename it"
         )
-    return _write_partial(path, OnePart(cloud))
+    with whole_file(path, is_one_of_many=True) as partial:
+        _write(path, partial, OnePart(cloud))
+        yield partial
 
 
-def _write_partial(path: Path, parts: CloudParts) -> Path:
-    """Write parts under a temporary name."""
-    suffix = path.suffix.lower()
-    partial = path.with_name(f".{os.getpid()}-{threading.get_ident()}{PARTIAL}{suffix}")
+def _write(path: Path, partial: Path, parts: CloudParts) -> None:
+    """Write parts under a temporary name; errors name the file."""
     try:
-        with naming(path):
-            (_write_e57 if suffix == ".e57" else _write_stream)(partial, parts)
+        if path.suffix.lower() == ".e57":
+            _write_e57(partial, parts)
+        else:
+            _write_stream(partial, parts)
     except OutputError as error:
-        partial.unlink(missing_ok=True)
         raise OutputError(f"{path}: {error}") from error
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-    return partial
 
 
 def _write_e57(path: Path, parts: CloudParts) -> None:
@@ -155,12 +151,11 @@ def _write_stream(path: Path, parts: CloudParts) -> None:
 
 __all__ = [
     "CLOUD_SUFFIXES",
-    "PARTIAL",
     "Cloud",
     "CloudParts",
     "Labels",
     "read_cloud",
+    "whole_cloud",
     "write_cloud",
-    "write_partial",
     "write_parts",
 ]

@@ -1,4 +1,4 @@
-"""A point cloud as a file holds it: every attribute of every point, in file order, with its own type."""
+"""A point cloud as a file holds it: every attribute of every point, with its own type."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.scan import Labels
 
 if TYPE_CHECKING:
     from laspy import LasHeader
-from mcpseg_cli.scan import Labels
 
 COLOUR_NAMES = (
     ("red", "green", "blue"),
     ("r", "g", "b"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
+LABEL_NAMES = ("semantic", "instance", "confidence")
 
 
 @dataclass(frozen=True)
@@ -60,24 +61,17 @@ class Cloud:
         return None
 
     def label(self, name: str) -> NDArray[np.generic] | None:
-        """Return ``semantic``, ``instance`` or ``confidence``, under this name or CloudCompare's ``scalar_…``."""
+        """Return a label by its name or, as CloudCompare has it, ``scalar_`` and its name."""
         for candidate in (name, f"scalar_{name}"):
             if candidate in self.columns:
                 return self.columns[candidate]
         return None
 
     def with_labels(self, labels: Labels) -> Cloud:
-        """Return this cloud with label attributes appended (replaced where it had them); other columns are shared."""
+        """Return this cloud with these labels behind its other attributes, which are shared."""
         columns = {name: column for name, column in self.columns.items() if name not in LABEL_NAMES}
-        columns |= {
-            "semantic": labels.semantic,
-            "instance": labels.instance,
-            "confidence": labels.confidence,
-        }
+        columns |= {name: getattr(labels, name) for name in LABEL_NAMES}
         return replace(self, columns=columns, classes=labels.classes)
-
-
-LABEL_NAMES = ("semantic", "instance", "confidence")
 
 
 def checked(path: Path, cloud: Cloud) -> Cloud:
@@ -87,26 +81,25 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
         InputError: No points, or NaN or infinite coordinates.
     """
     if len(cloud) == 0:
-        raise InputError(
-            path, "zero points", "at least one point", "remove the file or record the scan again"
-        )
+        remedy = "remove the file or record the scan again"
+        raise InputError(path, "zero points", "at least one point", remedy)
+
     finite = np.ones(len(cloud), bool)
     with np.errstate(invalid="ignore"):  # a signalling NaN is as bad as a quiet one
         for axis in "xyz":
             finite &= np.isfinite(cloud.columns[axis].astype(np.float64, copy=False))
     if not finite.all():
         bad = np.flatnonzero(~finite)
-        raise InputError(
-            path,
-            f"{len(bad):,} of {len(cloud):,} points have NaN or infinite coordinates (first: point {bad[0]:,})",
-            "finite coordinates",
-            "drop these points before segmenting",
-        )
+        share = f"{len(bad):,} of {len(cloud):,} points"
+        found = f"{share} have NaN or infinite coordinates (first: point {bad[0]:,})"
+        raise InputError(path, found, "finite coordinates", "drop these points before segmenting")
     return cloud
 
 
 def as_number(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Return an attribute in a type that every format has: booleans as bytes, half floats as float32.
+    """Return an attribute in a type that every format has.
+
+    Booleans become bytes, half floats float32.
 
     Raises:
         OutputError: It does not hold numbers.
@@ -120,7 +113,7 @@ def as_number(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
 
 
 def scalar_columns(columns: dict[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
-    """Split attributes for a format that has only scalars: (N, K) becomes ``name_0`` … ``name_K-1``.
+    """Split attributes for a format of scalars: (N, K) becomes ``name_0`` … ``name_K-1``.
 
     Raises:
         OutputError: An attribute does not hold numbers.

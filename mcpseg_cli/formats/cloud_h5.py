@@ -1,4 +1,4 @@
-"""HDF5 clouds: one dataset for every attribute, ``xyz`` (N, 3) and ``rgb`` (N, 3) among them, compressed in chunks."""
+"""HDF5 clouds: one compressed dataset for every attribute, among them ``xyz``, ``rgb`` (N, 3)."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ def write_cloud_h5(file: SteadyFile, parts: CloudParts) -> None:
     with h5py.File(file, "w") as target:
         target.attrs["format"] = _FORMAT
         for cloud in parts:
+            # datasets for all points, once the first are there
             if start == 0:
                 target.attrs["classes"] = list(cloud.classes)
                 for name, column in joined_columns(cloud).items():
@@ -34,6 +35,8 @@ def write_cloud_h5(file: SteadyFile, parts: CloudParts) -> None:
                     target.create_dataset(
                         name, shape, column.dtype, chunks=chunks, compression="lzf", shuffle=True
                     )
+
+            # the rows of this part
             for name, column in joined_columns(cloud).items():
                 target[name][start : start + len(cloud)] = column
             start += len(cloud)

@@ -1,4 +1,4 @@
-"""E57 (ASTM E2807) through pye57: coordinates and colours as the standard has them, labels as an extension."""
+"""E57 (ASTM E2807) through pye57: labels are an extension of what the standard has."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def write_e57(path: Path, parts: CloudParts) -> None:
         raise OutputError(
             f"E57 has no place for {', '.join(foreign)}; expected coordinates, colour and labels"
         )
+
     try:
         with E57(str(path), mode="w") as target:
             target.image_file.extensionsAdd(*_EXTENSION)
-            _write_points(
-                target, _add_scan(target, first, _bounds(parts)), parts, list(first.columns)
-            )
+            points = _add_scan(target, first, _bounds(parts))
+            _write_points(target, points, parts, list(first.columns))
     except libe57.E57Exception as error:
         raise OutputError(
             f"libE57: {error}; expected room on the disk; make space and try again"
@@ -59,10 +59,8 @@ def write_e57(path: Path, parts: CloudParts) -> None:
 
 def _bounds(parts: CloudParts) -> NDArray[np.float64]:
     """Return (2, 3) lowest and highest coordinates, metres."""
-    corners = [
-        corner for cloud in parts for corner in (cloud.xyz.min(axis=0), cloud.xyz.max(axis=0))
-    ]
-    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)], np.float64)
+    corners = np.array([(cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)) for cloud in parts])
+    return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)], np.float64)
 
 
 def _add_scan(
@@ -78,43 +76,59 @@ def _add_scan(
     }
     for name, text in texts.items():
         scan.set(name, libe57.StringNode(file, text))
+    for name, limits in (("cartesianBounds", _box(file, bounds)), ("colorLimits", _colours(file))):
+        scan.set(name, limits)
+    target.data3d.append(scan)
+
+    # what its points have
+    prototype = libe57.StructureNode(file)
+    for name, column in first.columns.items():
+        prototype.set(_FIELDS[name], _field(file, column.dtype))
+    points = libe57.CompressedVectorNode(file, prototype, libe57.VectorNode(file, True))
+    scan.set("points", points)
+    return points
+
+
+def _box(file: libe57.ImageFile, bounds: NDArray[np.float64]) -> libe57.StructureNode:
+    """Describe between which coordinates (2, 3) all points lie."""
     box = libe57.StructureNode(file)
     for axis, low, high in zip("xyz", *bounds.tolist(), strict=True):
         box.set(f"{axis}Minimum", libe57.FloatNode(file, low))
         box.set(f"{axis}Maximum", libe57.FloatNode(file, high))
-    scan.set("cartesianBounds", box)
+    return box
+
+
+def _colours(file: libe57.ImageFile) -> libe57.StructureNode:
+    """Describe colours of 8 bits."""
     colour = libe57.StructureNode(file)
     for name in ("Red", "Green", "Blue"):
         colour.set(f"color{name}Minimum", libe57.IntegerNode(file, 0))
         colour.set(f"color{name}Maximum", libe57.IntegerNode(file, 255))
-    scan.set("colorLimits", colour)
-    target.data3d.append(scan)
-    prototype = libe57.StructureNode(file)
-    for name, column in first.columns.items():
-        if column.dtype.kind == "f":
-            precision = libe57.E57_DOUBLE if column.dtype.itemsize > 4 else libe57.E57_SINGLE
-            prototype.set(_FIELDS[name], libe57.FloatNode(file, 0.0, precision))
-        else:
-            limits = np.iinfo(np.dtype(column.dtype.str))
-            prototype.set(
-                _FIELDS[name], libe57.IntegerNode(file, 0, int(limits.min), int(limits.max))
-            )
-    points = libe57.CompressedVectorNode(file, prototype, libe57.VectorNode(file, True))
-    scan.set("points", points)
-    return points
+    return colour
+
+
+def _field(file: libe57.ImageFile, dtype: np.dtype[np.generic]) -> libe57.Node:
+    """Describe an attribute of this type."""
+    if dtype.kind == "f":
+        precision = libe57.E57_DOUBLE if dtype.itemsize > 4 else libe57.E57_SINGLE
+        return libe57.FloatNode(file, 0.0, precision)
+    limits = np.iinfo(np.dtype(dtype.str))
+    return libe57.IntegerNode(file, 0, int(limits.min), int(limits.max))
 
 
 def _write_points(
     target: E57, points: libe57.CompressedVectorNode, parts: CloudParts, names: list[str]
 ) -> None:
     """Send the points through one buffer for each attribute."""
+    # the buffers
     first = next(iter(parts))
     arrays = {name: np.empty(_BUFFER, _buffered(first.columns[name].dtype)) for name in names}
     buffers = libe57.VectorSourceDestBuffer()
+    file = target.image_file
     for name, array in arrays.items():
-        buffers.append(
-            libe57.SourceDestBuffer(target.image_file, _FIELDS[name], array, _BUFFER, True, True)
-        )
+        buffers.append(libe57.SourceDestBuffer(file, _FIELDS[name], array, _BUFFER, True, True))
+
+    # filled and sent again and again
     writer = points.writer(buffers)
     for cloud in parts:
         for start in range(0, len(cloud), _BUFFER):
@@ -126,5 +140,5 @@ def _write_points(
 
 
 def _buffered(dtype: np.dtype[np.generic]) -> np.dtype[np.generic]:
-    """Return the type that values go through the buffer in: pye57 takes numpy's int64 for 32 bits, longlong for 64."""
+    """Return the type of a buffer: pye57 takes numpy's int64 for 32 bits, longlong for 64."""
     return np.dtype(np.longlong) if dtype.kind in "iu" and dtype.itemsize > 2 else dtype

@@ -1,4 +1,4 @@
-"""HDF5: a labelled building as plain arrays, and the files of the MCPNet authors. Never unpickles."""
+"""HDF5: a labelled building as plain arrays, and files of the MCPNet authors. Never unpickles."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
-from mcpseg_cli.classes import MCPNET_CLASSES, UNKNOWN
+from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.formats.steady import SteadyFile, whole_file
+from mcpseg_cli.formats.labels import check_classes
+from mcpseg_cli.formats.steady import SteadyFile, steady_file
 
 _FORMAT = "mcpseg building 1"
 _COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -25,9 +26,10 @@ _REMEDY = "write or copy it again"
 
 
 def write_building_h5(path: Path, building: Building, tags: dict[str, str] | None = None) -> None:
-    """Write a building as an HDF5 file of plain arrays; it appears under its name only when complete.
+    """Write a building as an HDF5 file of plain arrays.
 
-    Uncompressed: LZF saves nothing on coordinates and takes ten times as long.
+    It appears under its name only when complete. Uncompressed: LZF saves nothing on coordinates and
+    takes ten times as long.
 
     Args:
         path: The file; its folder must exist; replaced if there.
@@ -38,7 +40,7 @@ def write_building_h5(path: Path, building: Building, tags: dict[str, str] | Non
         OutputError: A name is empty or not printable.
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
-    with whole_file(path) as file:
+    with steady_file(path) as file:
         _write_datasets(path, file, building, tags or {})
 
 
@@ -92,17 +94,22 @@ def _write_datasets(
     path: Path, stream: SteadyFile, building: Building, tags: dict[str, str]
 ) -> None:
     """Write every array under its name."""
+    # points and rooms
     arrays: dict[str, NDArray[np.generic]] = {name: getattr(building, name) for name in _COLUMNS}
     if building.room_starts is not None:
         arrays["room_starts"] = building.room_starts.astype("<i8")
+
+    # tables of names, and tags
     for name in _NAMES:
-        texts = [text.encode(errors="replace") for text in getattr(building, name)]
         if any(not text or not text.isprintable() for text in getattr(building, name)):
             raise OutputError(
-                f"{path}: {name} holds a name that is empty or not printable; expected text; rename it"
+                f"{path}: {name} holds a name that is empty or not printable; "
+                "expected text; rename it"
             )
+        texts = [text.encode(errors="replace") for text in getattr(building, name)]
         arrays[name] = np.array(texts, f"S{max(map(len, texts), default=1)}")
     arrays["tags"] = np.frombuffer(json.dumps(tags).encode(), np.uint8)
+
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = np.bytes_(_FORMAT)
         file.attrs["crc32"] = np.int64(_checksum(building))
@@ -112,67 +119,57 @@ def _write_datasets(
 
 def _own_building(path: Path, file: h5py.File) -> Building:
     """Read and check what ``_write_datasets`` wrote."""
-    found = file.attrs.get("format")
-    if found != _FORMAT.encode():
-        raise InputError(
-            path,
-            f"datasets {', '.join(file) or '(none)'}",
-            f"a file of the format {_FORMAT!r}, or points (N, 8)",
-            _REMEDY,
-        )
+    if file.attrs.get("format") != _FORMAT.encode():
+        found = f"datasets {', '.join(file) or '(none)'}"
+        expected = f"a file of the format {_FORMAT!r}, or points (N, 8)"
+        raise InputError(path, found, expected, _REMEDY)
+
+    # every dataset in its type and shape
     columns = {
         name: _array(path, file, name, dtype, (None, *shape))
         for name, (dtype, shape) in _COLUMNS.items()
     }
     names = {name: _texts(path, file, name) for name in _NAMES}
-    starts = (
-        _array(path, file, "room_starts", "<i8", (len(names["rooms"]) + 1,))
-        if "room_starts" in file
-        else None
-    )
+    starts = None
+    if "room_starts" in file:
+        starts = _array(path, file, "room_starts", "<i8", (len(names["rooms"]) + 1,))
+
+    # that it makes sense as a building, and is what was written
     building = Building(**columns, **names, room_starts=starts)  # type: ignore[arg-type]
     _check(path, building)
     if int(file.attrs["crc32"]) != _checksum(building):
-        raise InputError(
-            path, "content that differs from its checksum", "what was written", _REMEDY
-        )
+        found = "content that differs from its checksum"
+        raise InputError(path, found, "what was written", _REMEDY)
     return building
 
 
 def _check(path: Path, building: Building) -> None:
     """Refuse labels, objects and rooms that the tables do not have."""
-    starts, instance, count = building.room_starts, building.instance, len(building)
+    count = len(building)
     if count == 0:
         raise InputError(path, "zero points", "at least one point", _REMEDY)
     if not np.isfinite(building.xyz).all():
         raise InputError(path, "NaN or infinite coordinates", "finite coordinates", _REMEDY)
-    labels = building.semantic[building.semantic != UNKNOWN]
-    if labels.max(initial=0) >= max(len(building.classes), 1):
-        raise InputError(
-            path, f"class {labels.max()}", f"below {len(building.classes)}, or {UNKNOWN}", _REMEDY
-        )
-    last = len(building.object_names) or np.iinfo(np.int32).max
-    if instance.min() < 0 or instance.max() > last:
-        raise InputError(
-            path, f"objects {instance.min()} to {instance.max()}", f"0 to {last}", _REMEDY
-        )
-    if starts is not None and (
-        starts[0] != 0 or starts[-1] != count or (np.diff(starts) < 0).any()
-    ):
-        raise InputError(
-            path,
-            "room_starts that are no division of the points",
-            f"0 to {count:,}, rising",
-            _REMEDY,
-        )
+
+    check_classes(building.semantic, building.classes, path)
+    first, last = int(building.instance.min()), int(building.instance.max())
+    most = len(building.object_names) or np.iinfo(np.int32).max
+    if first < 0 or last > most:
+        raise InputError(path, f"objects {first} to {last}", f"0 to {most}", _REMEDY)
+
+    starts = building.room_starts
+    if starts is None:
+        return
+    if starts[0] != 0 or starts[-1] != count or (np.diff(starts) < 0).any():
+        found = "room_starts that are no division of the points"
+        raise InputError(path, found, f"0 to {count:,}, rising", _REMEDY)
 
 
 def _checksum(building: Building) -> int:
     """Return the CRC-32 of all points, names and rooms."""
-    starts = building.room_starts if building.room_starts is not None else np.empty(0)
-    checksum = zlib.crc32(
-        repr((starts.tolist(), *(getattr(building, name) for name in _NAMES))).encode()
-    )
+    starts = [] if building.room_starts is None else building.room_starts.tolist()
+    tables = (starts, *(getattr(building, name) for name in _NAMES))
+    checksum = zlib.crc32(repr(tables).encode())
     for name in _COLUMNS:
         checksum = zlib.crc32(np.ascontiguousarray(getattr(building, name)).data, checksum)
     return checksum
@@ -182,12 +179,10 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
     """Convert the authors' table."""
     table = _dataset(path, file, "points")
     if table.ndim != 2 or table.shape[1] != 8 or table.dtype.kind not in "fiu" or len(table) == 0:
-        raise InputError(
-            path,
-            f"points {table.dtype} {table.shape}",
-            "points (N, 8): x y z r g b object class",
-            "convert it",
-        )
+        found, expected = f"points {table.dtype} {table.shape}", "points (N, 8)"
+        raise InputError(path, found, f"{expected}: x y z r g b object class", "convert it")
+
+    # points, a block of rows at a time
     count, scale = len(table), _colour_scale(table)
     xyz, rgb = np.empty((count, 3), np.float32), np.empty((count, 3), np.uint8)
     semantic, instance = np.empty(count, np.uint8), np.empty(count, np.int32)
@@ -195,28 +190,23 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
         rows = table[start : start + _ROWS].astype(np.float64)
         part = slice(start, start + len(rows))
         labels, classes = rows[:, 6:], len(MCPNET_CLASSES)
-        if (
-            not np.isfinite(rows).all()
-            or (labels[:, 1] < 0).any()
-            or (labels >= [2**31, classes]).any()
-        ):
-            raise InputError(
-                path,
-                "points with NaN, or classes out of range",
-                f"finite numbers, classes 0 to {classes - 1}",
-                "mend it",
-            )
+        in_range = (labels[:, 1] >= 0).all() and (labels < [2**31, classes]).all()
+        if not (np.isfinite(rows).all() and in_range):
+            found = "points with NaN, or classes out of range"
+            expected = f"finite numbers, classes 0 to {classes - 1}"
+            raise InputError(path, found, expected, "mend it")
         xyz[part] = rows[:, :3]
         rgb[part] = np.clip(np.rint(rows[:, 3:6] * scale[0] + scale[1]), 0, 255)
         instance[part] = np.maximum(labels[:, 0], 0)
         semantic[part] = labels[:, 1]
+
+    # rooms, if the file has them: objects are numbered anew through all
     starts = _room_starts(path, file, count)
+    rooms: tuple[str, ...] = ()
     if starts is not None:
         room = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         instance = _numbered(instance, room)
-    rooms = (
-        tuple(f"room_{number}" for number in range(1, len(starts))) if starts is not None else ()
-    )
+        rooms = tuple(f"room_{number}" for number in range(1, len(starts)))
     return Building(xyz, rgb, semantic, instance, MCPNET_CLASSES, rooms, starts)
 
 
@@ -236,15 +226,10 @@ def _room_starts(path: Path, file: h5py.File, count: int) -> NDArray[np.int64] |
     if "count_room" not in file:
         return None
     counts = _dataset(path, file, "count_room")[...]
-    if (
-        counts.ndim != 1
-        or counts.dtype.kind not in "iu"
-        or (counts < 0).any()
-        or int(counts.sum()) != count
-    ):
-        raise InputError(
-            path, "count_room that does not add up", f"room sizes that sum to {count:,}", _REMEDY
-        )
+    is_list = counts.ndim == 1 and counts.dtype.kind in "iu"
+    if not is_list or (counts < 0).any() or int(counts.sum()) != count:
+        found, expected = "count_room that does not add up", f"room sizes that sum to {count:,}"
+        raise InputError(path, found, expected, _REMEDY)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
@@ -261,12 +246,8 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
     """Return a dataset whose numbers lie in this file."""
     dataset = file.get(name) if file.get(name, getlink=True).__class__ is h5py.HardLink else None
     if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
-        raise InputError(
-            path,
-            f"no dataset {name!r} (datasets {', '.join(file) or '(none)'})",
-            f"{name!r}",
-            _REMEDY,
-        )
+        found = f"no dataset {name!r} (datasets {', '.join(file) or '(none)'})"
+        raise InputError(path, found, f"{name!r}", _REMEDY)
     if dataset.size and not dataset.id.get_storage_size():
         raise InputError(path, f"{name!r} without data", f"{dataset.shape} values", _REMEDY)
     return dataset
@@ -281,10 +262,9 @@ def _array(
         want in (None, have) for want, have in zip(shape, dataset.shape, strict=True)
     )
     if dataset.dtype.str != dtype or not fits:
-        want = "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
-        raise InputError(
-            path, f"{name} {dataset.dtype} {dataset.shape}", f"{np.dtype(dtype)} {want}", _REMEDY
-        )
+        sizes = ", ".join("N" if size is None else str(size) for size in shape)
+        found, expected = f"{name} {dataset.dtype} {dataset.shape}", f"{np.dtype(dtype)} ({sizes})"
+        raise InputError(path, found, expected, _REMEDY)
     return np.asarray(dataset[...])
 
 
@@ -292,15 +272,13 @@ def _texts(path: Path, file: h5py.File, name: str) -> tuple[str, ...]:
     """Read a table of names, stored as fixed-length UTF-8."""
     dataset = _dataset(path, file, name)
     if dataset.dtype.kind != "S" or dataset.ndim != 1:
-        raise InputError(
-            path, f"{name} {dataset.dtype} {dataset.shape}", "names of fixed length (N,)", _REMEDY
-        )
+        found = f"{name} {dataset.dtype} {dataset.shape}"
+        raise InputError(path, found, "names of fixed length (N,)", _REMEDY)
     return tuple(text.decode() for text in dataset[...].tolist())
 
 
 def _damaged(path: Path, error: BaseException) -> InputError:
     """Explain what h5py says of a file it cannot read."""
     cause = " ".join(str(error).split()) or type(error).__name__
-    return InputError(
-        path, f"not a readable HDF5 file ({cause[:160]})", "an undamaged HDF5 file", _REMEDY
-    )
+    found = f"not a readable HDF5 file ({cause[:160]})"
+    return InputError(path, found, "an undamaged HDF5 file", _REMEDY)

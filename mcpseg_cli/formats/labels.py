@@ -1,4 +1,4 @@
-"""Label attributes of a cloud as checked integers: classes, object ids and confidence."""
+"""Labels of a cloud's points, checked in one place: classes, object ids and confidence."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud
 
-_RANGES = {"semantic": (-1, UNKNOWN), "instance": (-(2**31), 2**31 - 1)}
+_LAST_OBJECT = np.iinfo(np.int32).max
+_REMEDY = "mend the labels"
 
 
-def class_column(cloud: Cloud, source: Path) -> NDArray[np.uint8]:
-    """Take the class of every point.
-
-    Args:
-        cloud: N points.
-        source: Its file, for messages.
-
-    Returns:
-        (N,) uint8 class index; -1 has become 255, unknown.
-
-    Raises:
-        InputError: No ``semantic``, or not a whole number from -1 to 255 for each point.
-    """
-    return _whole_numbers(cloud, "semantic", source).astype(np.uint8)  # -1 wraps to 255
-
-
-def object_column(cloud: Cloud, source: Path) -> NDArray[np.int32]:
-    """Take the object of every point.
+def point_labels(
+    cloud: Cloud, source: Path, classes: tuple[str, ...] = ()
+) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    """Take class and object of every point.
 
     Args:
         cloud: N points.
         source: Its file, for messages.
+        classes: Table for a cloud that names none; without any, all classes up to 255 are right.
 
     Returns:
-        (N,) int32 object id; 0 none, and so what was below.
+        (N,) uint8 class index, 255 unknown and so what was -1; (N,) int32 object id, 0 none and so
+        what was below.
 
     Raises:
-        InputError: No ``instance``, or not a whole number of 32 bits for each point.
+        InputError: No ``semantic`` or no ``instance``, or not a whole number in range for each
+            point.
     """
-    return np.maximum(_whole_numbers(cloud, "instance", source), 0).astype(np.int32)
+    # classes, of the cloud's table or the one given
+    semantic = _whole_numbers(cloud, "semantic", source)
+    semantic = np.where(semantic == -1, UNKNOWN, semantic)
+    if table := cloud.classes or classes:
+        check_classes(semantic, table, source)
+    elif (wrong := (semantic < 0) | (semantic > UNKNOWN)).any():
+        raise _wrong_point("class", semantic, wrong, source, f"0 to {UNKNOWN}", _REMEDY)
+
+    # objects, none for numbers below 1
+    instance = np.maximum(_whole_numbers(cloud, "instance", source), 0)
+    if (wrong := instance > _LAST_OBJECT).any():
+        remedy = "number objects from 1"
+        raise _wrong_point("object", instance, wrong, source, f"at most {_LAST_OBJECT}", remedy)
+    return semantic.astype(np.uint8), instance.astype(np.int32)
 
 
 def confidence_column(cloud: Cloud, source: Path) -> NDArray[np.float64] | None:
@@ -55,22 +58,17 @@ def confidence_column(cloud: Cloud, source: Path) -> NDArray[np.float64] | None:
     column = cloud.label("confidence")
     if column is None:
         return None
-    if (
-        column.ndim != 1
-        or column.dtype.kind not in "iufb"
-        or not np.isfinite(column.astype(np.float64)).all()
-    ):
-        raise InputError(
-            source, "confidence that is no number", "a number for each point", "mend the labels"
-        )
+    is_number = column.ndim == 1 and column.dtype.kind in "iufb"
+    if not is_number or not np.isfinite(column.astype(np.float64)).all():
+        raise InputError(source, "confidence that is no number", "a number for each point", _REMEDY)
     return column.astype(np.float64)
 
 
-def check_classes(semantic: NDArray[np.uint8], classes: tuple[str, ...], source: Path) -> None:
+def check_classes(semantic: NDArray[np.integer], classes: tuple[str, ...], source: Path) -> None:
     """Refuse classes beyond the table, and a table that is too long.
 
     Args:
-        semantic: (N,) uint8, 255 unknown.
+        semantic: (N,) class index, 255 unknown.
         classes: The table.
         source: The file, for the message.
 
@@ -79,31 +77,43 @@ def check_classes(semantic: NDArray[np.uint8], classes: tuple[str, ...], source:
     """
     if len(classes) > UNKNOWN:
         raise InputError(source, f"{len(classes)} classes", f"at most {UNKNOWN}", "merge classes")
-    wrong = (semantic >= len(classes)) & (semantic != UNKNOWN)
+    wrong = (semantic < 0) | ((semantic >= len(classes)) & (semantic != UNKNOWN))
     if wrong.any():
-        point = int(wrong.argmax())
         expected = f"0 to {len(classes) - 1}, or {UNKNOWN} for unknown"
-        raise InputError(
-            source,
-            f"class {semantic[point]} (point {point:,})",
-            expected,
-            "give it its class table",
-        )
+        remedy = "give it its class table"
+        raise _wrong_point("class", semantic, wrong, source, expected, remedy)
 
 
 def _whole_numbers(cloud: Cloud, name: str, source: Path) -> NDArray[np.int64]:
-    """Take a label as int64, if it is one whole number in range for each point."""
+    """Take a label as int64, if it is one whole number for each point."""
     column = cloud.label(name)
     if column is None:
-        expected = "labelled clouds with semantic and instance"
-        raise InputError(source, f"points without {name}", expected, "check the path")
+        expected = "semantic and instance for every point"
+        remedy = "label them, or name a file that is labelled"
+        raise InputError(source, f"points without {name}", expected, remedy)
     if column.ndim != 1 or column.dtype.kind not in "iufb":
-        found = f"{name} is {column.dtype} {column.shape}"
-        raise InputError(source, found, "a number for each point", "mend the labels")
-    low, high = _RANGES[name]
-    values = column.astype(np.float64)  # exact for what is in range
-    right = (values >= low) & (values <= high) & (values == np.floor(values))
-    if not right.all():
-        found = f"{name} from {values.min():g} to {values.max():g}, {values[~right][0]:g} for one"
-        raise InputError(source, found, f"whole numbers from {low} to {high}", "mend the labels")
-    return column.astype(np.int64)
+        found = f"{name} {column.dtype} {column.shape}"
+        raise InputError(source, found, "a whole number for every point", _REMEDY)
+
+    # what int64 does not hold is not whole either
+    with np.errstate(invalid="ignore", over="ignore"):
+        is_small = column.dtype.kind in "bi" or np.abs(column) < 2.0**62
+        numbers = np.where(is_small, column, 0).astype(np.int64)
+        wrong = ~np.broadcast_to(is_small, column.shape) | (numbers != column)
+    if wrong.any():
+        expected = "a whole number for every point"
+        raise _wrong_point(name, column, wrong, source, expected, _REMEDY)
+    return numbers
+
+
+def _wrong_point(
+    what: str,
+    values: NDArray[np.generic],
+    wrong: NDArray[np.bool_],
+    source: Path,
+    expected: str,
+    remedy: str,
+) -> InputError:
+    """Name the first point that is wrong and its value."""
+    point = int(wrong.argmax())
+    return InputError(source, f"{what} {values[point]} (point {point:,})", expected, remedy)

@@ -1,4 +1,4 @@
-"""LAS and LAZ through laspy: read and written in chunks, scales, reference system and extra bytes kept."""
+"""LAS and LAZ through laspy, in chunks; scales, reference system and extra bytes are kept."""
 
 import copy
 import struct
@@ -19,25 +19,13 @@ _CLASS_BASE = 64  # classifications 64-255 are the user's (LAS 1.4, table 17)
 _COORDINATES = ("X", "Y", "Z")  # as LAS stores them: integers
 _COLOURS = ("red", "green", "blue")
 _NAME_BYTES = 32  # of an extra dimension
-_HEADER_1_0, _HEADER_1_4, _RECORD, _EXTENDED_RECORD = (
-    227,
-    375,
-    54,
-    60,
-)  # bytes (LAS 1.4, tables 3 and 9)
+_HEADER_1_0, _HEADER_1_4 = 227, 375  # bytes of headers (LAS 1.4, table 3)
+_RECORD, _EXTENDED_RECORD = 54, 60  # bytes of a record's header (tables 8 and 9)
 _COMPRESSED = 0x80  # bit of the point format
 _DAMAGE = (  # what laspy and lazrs raise for damaged files
-    laspy.LaspyException,
-    LazrsError,
-    ValueError,
-    TypeError,
-    LookupError,
-    AttributeError,
-    EOFError,
-    ArithmeticError,
-    MemoryError,
-    struct.error,
-)
+    laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError,
+    ArithmeticError, MemoryError, struct.error,
+)  # fmt: skip
 _CLASSES_RECORD = ("mcpseg", 1)
 
 
@@ -53,6 +41,7 @@ def read_las(path: Path) -> Cloud:
     Raises:
         InputError: Not LAS, cut short, or a compressed chunk that does not decode.
     """
+    # all points, in chunks
     _check_counts(path)
     try:
         with laspy.open(path) as reader:
@@ -63,10 +52,10 @@ def read_las(path: Path) -> Cloud:
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
         raise _cut_short(path, header.point_count, len(table))
+
+    # their dimensions; coordinates of damaged scales are refused later
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # damaged scales: the coordinates are refused for it
+    with np.errstate(over="ignore", invalid="ignore"):
         columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
         for name in header.point_format.dimension_names:
             if name not in _COORDINATES:
@@ -80,28 +69,25 @@ def _check_counts(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(_HEADER_1_4)
     if head[:4] != b"LASF" or len(head) < _HEADER_1_0:
-        raise InputError(
-            path,
-            f"starts with {head[:8]!r}",
-            "a LAS or LAZ header",
-            "check that this is a LAS file",
-        )
+        remedy = "check that this is a LAS file"
+        raise InputError(path, f"starts with {head[:8]!r}", "a LAS or LAZ header", remedy)
+
+    # version 1.4 counts in 64 bits
     start, num_records, point_format, point_size, num_points = struct.unpack_from(
         "<IIBHI", head, 96
     )
-    if head[25] >= 4:  # version 1.4 counts in 64 bits
+    if head[25] >= 4:
         if len(head) < _HEADER_1_4:
             raise _undecodable(path, "the header is cut short")
         first_extended, num_extended, num_points = struct.unpack_from("<QIQ", head, 235)
         if num_extended and first_extended + num_extended * _EXTENDED_RECORD > size:
-            raise _undecodable(
-                path, f"{num_extended:,} extended records promised in {size:,} bytes"
-            )
+            cause = f"{num_extended:,} extended records promised in {size:,} bytes"
+            raise _undecodable(path, cause)
+
+    # records before the points, then as many points as there is room for
     if start > size or num_records * _RECORD > start or point_size == 0:
-        raise _undecodable(
-            path,
-            f"{num_records:,} records and points from byte {start:,} promised in {size:,} bytes",
-        )
+        promised = f"{num_records:,} records and points from byte {start:,}"
+        raise _undecodable(path, f"{promised} promised in {size:,} bytes")
     found = (size - start) // point_size
     if point_format & _COMPRESSED:
         _check_chunk_table(path, start, point_size)
@@ -110,41 +96,43 @@ def _check_counts(path: Path) -> None:
 
 
 def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
-    """Refuse a LAZ that promises more chunks than it has bytes: lazrs would end the process for want of memory."""
+    """Refuse a LAZ that promises more chunks than it has bytes.
+
+    lazrs would end the process for want of memory.
+    """
     size = path.stat().st_size
     with path.open("rb") as file:
+        # where the table is; the file may have been written to a stream: then the end says it
         file.seek(start)
         (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
-        if table == -1 and size >= start + 16:  # written to a stream: the place is at the end
+        if table == -1 and size >= start + 16:
             file.seek(size - 8)
             (table,) = struct.unpack("<q", file.read(8))
         if not start < table <= size - 8:
-            raise _undecodable(
-                path, f"a chunk table at byte {table:,} of {size:,}, the file may be cut short"
-            )
+            cause = f"a chunk table at byte {table:,} of {size:,}, the file may be cut short"
+            raise _undecodable(path, cause)
+
+        # how many chunks it has, each of which starts with a whole point
         file.seek(table + 4)
         (num_chunks,) = struct.unpack("<I", file.read(4))
-    if num_chunks * point_size > size:  # a chunk starts with a whole point
+    if num_chunks * point_size > size:
         raise _undecodable(path, f"{num_chunks:,} chunks promised in {size:,} bytes")
 
 
 def _cut_short(path: Path, promised: int, found: int) -> InputError:
-    return InputError(
-        path,
-        f"{promised:,} points promised, {found:,} found",
-        "all of them",
-        "the file is cut short; copy it again",
-    )
+    counts = f"{promised:,} points promised, {found:,} found"
+    return InputError(path, counts, "all of them", "the file is cut short; copy it again")
 
 
 def _undecodable(path: Path, cause: str) -> InputError:
-    return InputError(
-        path, f"a file that does not decode ({cause})", "an undamaged LAS or LAZ", "copy it again"
-    )
+    found = f"a file that does not decode ({cause})"
+    return InputError(path, found, "an undamaged LAS or LAZ", "copy it again")
 
 
 def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
-    """Write a cloud as LAS 1.4 or LAZ, in chunks; labels go to extra bytes and, from 64 up, to ``classification``.
+    """Write a cloud as LAS 1.4 or LAZ, in chunks.
+
+    Labels go to extra bytes and, from 64 up, to ``classification``.
 
     Args:
         file: Where to write.
@@ -171,53 +159,51 @@ def _header_for(cloud: Cloud) -> laspy.LasHeader:
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
         header.scales = np.full(3, 1e-4)
-        header.offsets = np.floor(
-            [cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"]
-        )
+        low = [cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"]
+        header.offsets = np.floor(low)
+
+    # the class table replaces an earlier one
     if cloud.classes:
-        header.vlrs = [
-            vlr for vlr in header.vlrs if (vlr.user_id, vlr.record_id) != _CLASSES_RECORD
-        ]
-        header.vlrs.append(
-            laspy.VLR(*_CLASSES_RECORD, "class names", ",".join(cloud.classes).encode())
-        )
+        names = ",".join(cloud.classes).encode()
+        header.vlrs = [vlr for vlr in header.vlrs if not _has_classes(vlr)]
+        header.vlrs.append(laspy.VLR(*_CLASSES_RECORD, "class names", names))
     return header
 
 
 def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.generic]]:
-    """Add extra bytes for what the header has no dimension for; return the attributes by dimension."""
+    """Add extra bytes for attributes without a dimension; return the attributes by dimension."""
+    # attributes that LAS has a dimension for, and others
     own, others = {}, {}
+    has_colour = cloud.las_header is None and cloud.rgb is not None
     for name, column in cloud.columns.items():
         if name in header.point_format.extra_dimension_names and name in LABEL_NAMES:
             header.remove_extra_dim(name)  # its type may not hold our labels
-        fits = name in "xyz" or (
-            cloud.las_header is None and name in _COLOURS and cloud.rgb is not None
-        )
+        fits = name in "xyz" or (has_colour and name in _COLOURS)
         if fits or _has_dimension(header, cloud, name):
             own[name] = column
         else:
-            others[f"scalar_{name}" if name in header.point_format.dimension_names else name] = (
-                column
-            )
+            is_taken = name in header.point_format.dimension_names
+            others[f"scalar_{name}" if is_taken else name] = column
+
+    # extra bytes for these, with names as long as LAS allows
     shortened: dict[str, NDArray[np.generic]] = {}
     for name, column in scalar_columns(others).items():
         short = name.encode()[:_NAME_BYTES].decode(errors="ignore")
         if short in own or short in shortened:
-            raise OutputError(
-                f"attribute {name}: another one starts with the same {_NAME_BYTES} bytes; rename it"
-            )
+            cause = f"another one starts with the same {_NAME_BYTES} bytes"
+            raise OutputError(f"attribute {name}: {cause}; rename it")
         header.add_extra_dim(laspy.ExtraBytesParams(name=short, type=column.dtype))
         shortened[short] = column
     return own | shortened
 
 
 def _has_dimension(header: laspy.LasHeader, cloud: Cloud, name: str) -> bool:
-    """Tell whether the header's dimension of this name holds the cloud's values; one read from LAS does."""
+    """Tell whether the header has a dimension of this name that holds the cloud's values."""
     if name not in header.point_format.dimension_names or name in _COORDINATES:
         return False
-    dimension, column = header.point_format.dimension_by_name(name), cloud.columns[name]
-    if cloud.las_header is not None:
+    if cloud.las_header is not None:  # where they come from
         return True
+    dimension, column = header.point_format.dimension_by_name(name), cloud.columns[name]
     return column.dtype == (dimension.dtype or np.uint8) and column.max(initial=0) <= dimension.max
 
 
@@ -229,9 +215,13 @@ def _record(
     for name, column in columns.items():
         if cloud.las_header is not None or name not in _COLOURS:
             points[name] = column[rows]
+
+    # colours of 16 bits
     if cloud.las_header is None and (rgb := cloud.rgb) is not None:
         for channel, name in enumerate(_COLOURS):
             points[name] = rgb[rows, channel].astype(np.uint16) * 257
+
+    # classes of the user's range
     if "semantic" in cloud.columns and header.point_format.id >= 6:
         semantic = cloud.columns["semantic"][rows].astype(np.int64)
         points["classification"] = np.where(semantic < 255 - _CLASS_BASE, semantic + _CLASS_BASE, 1)
@@ -239,7 +229,13 @@ def _record(
 
 
 def _read_classes(header: laspy.LasHeader) -> tuple[str, ...]:
+    """Return the class table of a header, if it has one."""
     for vlr in header.vlrs:
-        if (vlr.user_id, vlr.record_id) == _CLASSES_RECORD:
+        if _has_classes(vlr):
             return tuple(vlr.record_data_bytes().decode("utf-8", errors="replace").split(","))
     return ()
+
+
+def _has_classes(vlr: laspy.VLR) -> bool:
+    """Tell whether a record of a header is our class table."""
+    return (vlr.user_id, vlr.record_id) == _CLASSES_RECORD

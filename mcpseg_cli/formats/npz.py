@@ -1,4 +1,4 @@
-"""NPZ: numpy archives with ``xyz`` (N, 3), ``rgb`` (N, 3) and any further per-point arrays. Never unpickles."""
+"""NPZ: numpy archives with ``xyz``, ``rgb`` (N, 3) and any further arrays. Never unpickles."""
 
 import lzma
 import struct
@@ -20,21 +20,9 @@ from mcpseg_cli.formats.parts import CloudParts
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
 _CLASSES = "class_names"
 _DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise for damaged files
-    ValueError,
-    KeyError,
-    TypeError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    ArithmeticError,
-    OSError,
-    SyntaxError,
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    struct.error,
-    tokenize.TokenError,
-)
+    ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError, ArithmeticError, OSError,
+    SyntaxError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError,
+)  # fmt: skip
 
 
 def read_npz(path: Path) -> Cloud:
@@ -49,40 +37,21 @@ def read_npz(path: Path) -> Cloud:
     Raises:
         InputError: Not an archive, pickled objects, no ``xyz``, or arrays of differing lengths.
     """
+    # coordinates, once
     arrays = _load(path)
-    xyz = arrays.get("xyz")
-    if xyz is None or xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
-        found = (
-            f"xyz is {xyz.dtype} {xyz.shape}"
-            if xyz is not None
-            else f"arrays {', '.join(arrays) or '(none)'}"
-        )
-        raise InputError(
-            path,
-            found,
-            "an array xyz (N, 3) of numbers",
-            "save it with numpy.savez(path, xyz=…, rgb=…)",
-        )
-    doubled = [name for name in ("x", "y", "z") if name in arrays]
-    if doubled:
-        raise InputError(
-            path,
-            f"{', '.join(doubled)} beside xyz",
-            "coordinates once",
-            f"remove {', '.join(doubled)}",
-        )
+    xyz = _coordinates(path, arrays)
+    if doubled := ", ".join(name for name in ("x", "y", "z") if name in arrays):
+        raise InputError(path, f"{doubled} beside xyz", "coordinates once", f"remove {doubled}")
+
+    # the class table, and an attribute for every other array
     classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
-    columns: dict[str, NDArray[np.generic]] = {}
     if "" in arrays:
         raise InputError(path, "an array without a name", "a name for every array", "save it again")
+    columns: dict[str, NDArray[np.generic]] = {}
     for name, array in arrays.items():
         if array.ndim == 0 or len(array) != len(xyz):
-            raise InputError(
-                path,
-                f"{name} has shape {array.shape}, xyz {xyz.shape}",
-                f"{len(xyz):,} rows in every array",
-                "save it again",
-            )
+            found = f"{name} has shape {array.shape}, xyz {xyz.shape}"
+            raise InputError(path, found, f"{len(xyz):,} rows in every array", "save it again")
         if name in _SPLIT and array.shape == xyz.shape and array.dtype.kind in "biuf":
             columns |= {part: array[:, column] for column, part in enumerate(_SPLIT[name])}
         else:
@@ -91,7 +60,7 @@ def read_npz(path: Path) -> Cloud:
 
 
 def write_npz(file: BinaryIO, parts: CloudParts) -> None:
-    """Write a cloud as an uncompressed archive with ``xyz``, ``rgb`` and one array for every other attribute.
+    """Write a cloud as an uncompressed archive: ``xyz``, ``rgb`` and an array each attribute.
 
     An archive holds one array after another: the parts are gone through once for each.
     """
@@ -100,13 +69,12 @@ def write_npz(file: BinaryIO, parts: CloudParts) -> None:
         if first.classes:
             _write_array(archive, _CLASSES, [np.array(first.classes)], len(first.classes))
         for name in joined_columns(first):
-            _write_array(
-                archive, name, (joined_columns(cloud)[name] for cloud in parts), len(parts)
-            )
+            rows = (joined_columns(cloud)[name] for cloud in parts)
+            _write_array(archive, name, rows, len(parts))
 
 
 def joined_columns(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
-    """Give a cloud's attributes with the coordinates as one array ``xyz`` (N, 3) and the colours as ``rgb`` (N, 3)."""
+    """Give a cloud's attributes with coordinates and colours as ``xyz`` and ``rgb``, (N, 3)."""
     columns = dict(cloud.columns)
     arrays: dict[str, NDArray[np.generic]] = {}
     for joined, axes in _SPLIT.items():
@@ -133,6 +101,19 @@ def _write_array(
             entry.write(part.tobytes())
 
 
+def _coordinates(path: Path, arrays: dict[str, NDArray[np.generic]]) -> NDArray[np.generic]:
+    """Return the (N, 3) coordinates of an archive."""
+    expected = "an array xyz (N, 3) of numbers"
+    remedy = "save it with numpy.savez(path, xyz=…, rgb=…)"
+    if "xyz" not in arrays:
+        found = f"arrays {', '.join(arrays) or '(none)'}"
+        raise InputError(path, found, expected, remedy)
+    xyz = arrays["xyz"]
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
+        raise InputError(path, f"xyz is {xyz.dtype} {xyz.shape}", expected, remedy)
+    return xyz
+
+
 def _load(path: Path) -> dict[str, NDArray[np.generic]]:
     """Load every array of the archive into memory."""
     data = BytesIO(path.read_bytes())
@@ -144,9 +125,7 @@ def _load(path: Path) -> dict[str, NDArray[np.generic]]:
             return {name: archive[name] for name in archive.files}
     except _DAMAGE as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
+        found, expected = f"an archive that does not load ({cause})", "plain arrays"
         raise InputError(
-            path,
-            f"an archive that does not load ({cause})",
-            "plain arrays in an undamaged NPZ",
-            "save it again, no objects",
+            path, found, f"{expected} in an undamaged NPZ", "save it again, no objects"
         ) from error

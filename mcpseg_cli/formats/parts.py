@@ -7,7 +7,10 @@ from mcpseg_cli.formats.cloud import Cloud
 
 
 class CloudParts(Protocol):
-    """A cloud in parts: all have the same attributes, types and class table, and it can be gone through repeatedly."""
+    """A cloud in parts, which can be gone through repeatedly.
+
+    All have the same attributes, types and class table.
+    """
 
     def __len__(self) -> int:
         """Return the number of points in all parts."""

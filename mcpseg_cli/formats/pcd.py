@@ -1,4 +1,4 @@
-"""PCD (the Point Cloud Library's format) 0.7: ascii, binary and compressed, fields of any name, order, type and count.
+"""PCD, the Point Cloud Library's format, 0.7: ascii, binary and compressed, any fields.
 
 Read with numpy: Open3D's reader leaves memory unset where a file is damaged and keeps one number of
 a longer field.
@@ -64,6 +64,8 @@ def read_pcd(path: Path) -> Cloud:
         table = np.frombuffer(data, header.dtype, header.num_points, header.size)
     else:
         table = _read_compressed(path, data[header.size :], header)
+
+    # packed colours, unless there are plain ones; padding is left out
     columns: dict[str, NDArray[np.generic]] = {}
     for name in header.dtype.names or ():
         column = np.ascontiguousarray(table[name])
@@ -89,6 +91,8 @@ def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
         columns = _fields(cloud)
         if number == 0:
             file.write(_header_text(len(parts), columns, cloud.classes))
+
+        # point after point
         dtype = [
             (name, column.dtype.newbyteorder("<"), column.shape[1:])
             for name, column in columns.items()
@@ -101,9 +105,8 @@ def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
 
 def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
     """Give every field as (N, count)."""
-    columns = without_spaces(
-        {name: as_number(name, column) for name, column in cloud.columns.items()}
-    )
+    numbers = {name: as_number(name, column) for name, column in cloud.columns.items()}
+    columns = without_spaces(numbers)
     if set(_COLOURS) <= columns.keys() and (rgb := cloud.rgb) is not None:
         red, green, blue = rgb.astype(np.uint32).T
         columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
@@ -115,6 +118,7 @@ def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
 def _header_text(
     num_points: int, columns: dict[str, NDArray[np.generic]], classes: tuple[str, ...]
 ) -> bytes:
+    """Write the header of a binary file."""
     kinds = {kind: letter for letter, kind in _KINDS.items()}
     lines = ["# .PCD v0.7 - Point Cloud Data file format"]
     lines += [_CLASSES_COMMENT + ",".join(classes)] * bool(classes)
@@ -122,13 +126,8 @@ def _header_text(
     lines += [f"SIZE {' '.join(str(column.dtype.itemsize) for column in columns.values())}"]
     lines += [f"TYPE {' '.join(kinds[column.dtype.kind] for column in columns.values())}"]
     lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
-    lines += [
-        f"WIDTH {num_points}",
-        "HEIGHT 1",
-        "VIEWPOINT 0 0 0 1 0 0 0",
-        f"POINTS {num_points}",
-        "DATA binary",
-    ]
+    lines += [f"WIDTH {num_points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0"]
+    lines += [f"POINTS {num_points}", "DATA binary"]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -144,57 +143,43 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse and check the header up to and including its DATA line."""
     match = re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if match is None:
-        raise InputError(
-            path, "no DATA line", "a PCD header", "the file is cut short or not PCD; copy it again"
-        )
+        remedy = "the file is cut short or not PCD; copy it again"
+        raise InputError(path, "no DATA line", "a PCD header", remedy)
     lines = data[: match.start()].decode("utf-8", errors="replace").splitlines()
-    words = {
-        line.split()[0]: line.split()[1:]
-        for line in lines
-        if line.strip() and not line.startswith("#")
-    }
+    entries = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    words = {entry[0]: entry[1:] for entry in entries}
+
+    # how the points are written, and as what
     encoding = match.group(1).decode("latin-1")
     if encoding not in _ENCODINGS:
-        raise InputError(
-            path, f"DATA {encoding}", f"one of {', '.join(_ENCODINGS)}", "convert the file"
-        )
-    missing = [axis for axis in "xyz" if axis not in words.get("FIELDS", "xyz")]
-    if missing:
-        raise InputError(
-            path,
-            f"no field {', '.join(missing)}",
-            "x, y and z",
-            "export the cloud with coordinates",
-        )
+        expected = f"one of {', '.join(_ENCODINGS)}"
+        raise InputError(path, f"DATA {encoding}", expected, "convert the file")
+    if missing := [axis for axis in "xyz" if axis not in words.get("FIELDS", "xyz")]:
+        found, remedy = f"no field {', '.join(missing)}", "export the cloud with coordinates"
+        raise InputError(path, found, "x, y and z", remedy)
     try:
         dtype, num_points = _dtype(words), int(words["POINTS"][0])
         if num_points < 0 or any(dtype[axis].shape for axis in "xyz"):
             raise ValueError("counts")
     except (KeyError, ValueError, IndexError) as error:
-        raise InputError(
-            path,
-            "a header that does not add up",
-            "FIELDS, SIZE, TYPE, COUNT and POINTS",
-            "export it again",
-        ) from error
-    names = [
-        line.removeprefix(_CLASSES_COMMENT).strip()
-        for line in lines
-        if line.startswith(_CLASSES_COMMENT)
-    ]
-    return _Header(
-        dtype, num_points, encoding, tuple(names[0].split(",")) if names else (), match.end()
-    )
+        found, expected = "a header that does not add up", "FIELDS, SIZE, TYPE, COUNT and POINTS"
+        raise InputError(path, found, expected, "export it again") from error
+
+    # the class table is in a comment
+    comments = [line for line in lines if line.startswith(_CLASSES_COMMENT)]
+    names = comments[0].removeprefix(_CLASSES_COMMENT).strip() if comments else ""
+    classes = tuple(names.split(",")) if comments else ()
+    return _Header(dtype, num_points, encoding, classes, match.end())
 
 
 def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:
     """Build the type of a point; KeyError or ValueError when the header makes no sense."""
     fields, kinds, sizes = words["FIELDS"], words["TYPE"], [int(size) for size in words["SIZE"]]
     counts = [int(count) for count in words.get("COUNT", ["1"] * len(fields))]
+
     types: list[tuple[str, str, tuple[int, ...]]] = []
-    for number, (name, kind, size, count) in enumerate(
-        zip(fields, kinds, sizes, counts, strict=True)
-    ):
+    entries = zip(fields, kinds, sizes, counts, strict=True)
+    for number, (name, kind, size, count) in enumerate(entries):
         if size not in _SIZES[kind] or not 0 < count < _MAX_HEADER:
             raise ValueError(name)
         unique = f"{_PADDING} {number}" if name == _PADDING else name  # padding repeats its name
@@ -209,39 +194,37 @@ def _read_ascii(path: Path, body: bytes, header: _Header) -> NDArray[np.void]:
         raise _cut_short(path, header.num_points, len(lines))
     if header.num_points == 0:
         return np.empty(0, header.dtype)
+
     text = BytesIO(b"\n".join(lines[: header.num_points]))
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             table: NDArray[np.void] = np.loadtxt(
                 text, header.dtype, comments=None, ndmin=1, encoding="latin-1"
             )
     except (ValueError, OverflowError, Warning) as error:
-        raise InputError(
-            path,
-            f"point lines that do not parse ({error})",
-            "a number for every field",
-            "export the cloud again",
-        ) from error
+        found, remedy = f"point lines that do not parse ({error})", "export the cloud again"
+        raise InputError(path, found, "a number for every field", remedy) from error
     return table
 
 
 def _read_compressed(path: Path, body: bytes, header: _Header) -> NDArray[np.void]:
-    """Decompress the body, which holds all points of the first field, then all of the second and so on."""
+    """Decompress the body, which holds one field of all points after another."""
     packed_size, size = np.frombuffer(body[:8].ljust(8, b"\0"), "<u4").tolist()
     found = size // header.dtype.itemsize if len(body) - 8 >= packed_size else 0
     if found < header.num_points:
         raise _cut_short(path, header.num_points, found)
+
+    # all of it, to the byte
     table = np.empty(header.num_points, header.dtype)
     columns = np.empty(table.nbytes, np.uint8)
     written = _decompress(np.frombuffer(body, np.uint8, packed_size, 8), columns)
     if size != len(columns) or written != size:
+        expected = f"{len(columns):,} bytes"
         raise InputError(
-            path,
-            "compressed data that do not unpack",
-            f"{len(columns):,} bytes",
-            "copy the file again",
+            path, "compressed data that do not unpack", expected, "copy the file again"
         )
+
+    # field by field
     start = 0
     for name in header.dtype.names or ():
         kind, shape = header.dtype[name].base, header.dtype[name].shape
@@ -282,9 +265,5 @@ def _decompress(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
 
 
 def _cut_short(path: Path, promised: int, found: int) -> InputError:
-    return InputError(
-        path,
-        f"{promised:,} points promised, {found:,} found",
-        f"{promised:,}",
-        "the file is cut short; copy it again",
-    )
+    counts = f"{promised:,} points promised, {found:,} found"
+    return InputError(path, counts, f"{promised:,}", "the file is cut short; copy it again")

@@ -66,36 +66,13 @@ def read_ply(path: Path) -> Cloud:
     """
     data = path.read_bytes()
     header = _parse_header(path, data)
-    position = next(
-        (i for i, element in enumerate(header.elements) if element.name == "vertex"), None
-    )
-    if position is None:
-        raise InputError(
-            path, "no vertex element", "'element vertex N'", "export the cloud with its points"
-        )
-    vertex = header.elements[position]
-    missing = [axis for axis in "xyz" if axis not in dict(vertex.properties)]
-    if missing:
-        raise InputError(
-            path,
-            f"no property {', '.join(missing)}",
-            "x, y and z",
-            "export the cloud with coordinates",
-        )
-    if any(element.has_list for element in header.elements[: position + 1]):
-        raise InputError(
-            path,
-            "a list property in or before the vertices",
-            "scalar properties",
-            "export points only",
-        )
+    position = _vertex_position(path, header)
     if header.encoding == "ascii":
         table = _read_ascii(path, data, header, position)
     else:
         table = _read_binary(path, data, header, position)
-    return Cloud(
-        {name: np.ascontiguousarray(table[name]) for name, _ in vertex.properties}, header.classes
-    )
+    names = [name for name, _ in header.elements[position].properties]
+    return Cloud({name: np.ascontiguousarray(table[name]) for name in names}, header.classes)
 
 
 def write_ply(file: BinaryIO, parts: CloudParts) -> None:
@@ -109,6 +86,8 @@ def write_ply(file: BinaryIO, parts: CloudParts) -> None:
         types = [(name, _storable(column.dtype)) for name, column in columns.items()]
         if number == 0:
             file.write(_header_text(len(parts), types, cloud.classes))
+
+        # vertex after vertex
         table = np.empty(len(cloud), np.dtype([(name, "<" + dtype) for name, dtype in types]))
         for name, column in columns.items():
             table[name] = column
@@ -116,13 +95,12 @@ def write_ply(file: BinaryIO, parts: CloudParts) -> None:
 
 
 def _header_text(num_points: int, types: list[tuple[str, str]], classes: tuple[str, ...]) -> bytes:
+    """Write the header of a binary file."""
     lines = ["ply", "format binary_little_endian 1.0"]
     lines += [f"comment {_CLASSES_COMMENT}{','.join(classes)}"] * bool(classes)
-    lines += [
-        f"element vertex {num_points}",
-        *(f"property {_NAMES[dtype]} {name}" for name, dtype in types),
-        "end_header",
-    ]
+    lines.append(f"element vertex {num_points}")
+    lines += [f"property {_NAMES[dtype]} {name}" for name, dtype in types]
+    lines.append("end_header")
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -134,50 +112,56 @@ def _storable(dtype: np.dtype[np.generic]) -> str:
 def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse the header up to and including ``end_header``."""
     if not data.startswith(b"ply"):
-        raise InputError(
-            path, f"starts with {data[:8]!r}", "the word 'ply'", "check that this is a PLY file"
-        )
+        remedy = "check that this is a PLY file"
+        raise InputError(path, f"starts with {data[:8]!r}", "the word 'ply'", remedy)
     end = re.search(rb"^end_header[ \t\r]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if end is None:
-        raise InputError(
-            path,
-            "no end_header",
-            "a complete header",
-            "the file is cut short or not PLY; copy it again",
-        )
+        remedy = "the file is cut short or not PLY; copy it again"
+        raise InputError(path, "no end_header", "a complete header", remedy)
+
+    # line by line
     text = data[: end.start()].decode("utf-8", errors="replace")
     header = _Header("", [], (), end.end())
     for number, line in enumerate(text.splitlines()[1:], start=2):
         try:
             _parse_header_line(header, line.split(), line)
         except (ValueError, KeyError, IndexError) as error:
-            raise InputError(
-                path,
-                f"header line {number} is {line[:60]!r}",
-                "a PLY keyword with its arguments",
-                "export it again",
-            ) from error
+            found = f"header line {number} is {line[:60]!r}"
+            expected = "a PLY keyword with its arguments"
+            raise InputError(path, found, expected, "export it again") from error
+
+    # that it makes sense
     if header.encoding not in _ORDERS:
-        raise InputError(
-            path,
-            f"format {header.encoding!r}",
-            f"one of {', '.join(_ORDERS)}",
-            "export the cloud again",
-        )
+        expected = f"one of {', '.join(_ORDERS)}"
+        raise InputError(path, f"format {header.encoding!r}", expected, "export the cloud again")
     for element in header.elements:
         names = [name for name, _ in element.properties]
         if len(set(names)) != len(names):
-            raise InputError(
-                path,
-                f"{element.name} properties {names} repeat a name",
-                "each name once",
-                "export it again",
-            )
+            found = f"{element.name} properties {names} repeat a name"
+            raise InputError(path, found, "each name once", "export it again")
     return header
 
 
+def _vertex_position(path: Path, header: _Header) -> int:
+    """Return the place of the vertices among the elements, if they can be read."""
+    names = [element.name for element in header.elements]
+    if "vertex" not in names:
+        remedy = "export the cloud with its points"
+        raise InputError(path, "no vertex element", "'element vertex N'", remedy)
+
+    position = names.index("vertex")
+    properties = dict(header.elements[position].properties)
+    if missing := [axis for axis in "xyz" if axis not in properties]:
+        found, remedy = f"no property {', '.join(missing)}", "export the cloud with coordinates"
+        raise InputError(path, found, "x, y and z", remedy)
+    if any(element.has_list for element in header.elements[: position + 1]):
+        found = "a list property in or before the vertices"
+        raise InputError(path, found, "scalar properties", "export points only")
+    return position
+
+
 def _parse_header_line(header: _Header, words: list[str], line: str) -> None:
-    """Add one header line to ``header``; ValueError, KeyError or IndexError when it makes no sense."""
+    """Add one header line; ValueError, KeyError or IndexError when it makes no sense."""
     if not words or words[0] == "obj_info":
         return
     if words[0] == "comment":
@@ -205,17 +189,19 @@ def _dtype(header: _Header, element: _Element) -> np.dtype[np.void]:
 
 def _read_binary(path: Path, data: bytes, header: _Header, position: int) -> NDArray[np.void]:
     """Cut the vertices out of the binary data and convert them to this machine's byte order."""
-    sizes = [
-        _dtype(header, element).itemsize * element.count
-        for element in header.elements[: position + 1]
-    ]
+    # the elements before the vertices are passed over
+    before = header.elements[:position]
+    sizes = [_dtype(header, element).itemsize * element.count for element in before]
+    start = header.size + sum(sizes)
+
+    # as many vertices as promised, and nothing behind them
     vertex = header.elements[position]
     dtype = _dtype(header, vertex)
-    start = header.size + sum(sizes[:-1])
     available = max(0, len(data) - start) // dtype.itemsize
     is_last = position == len(header.elements) - 1
     if available < vertex.count or (is_last and available > vertex.count):
         raise _miscounted(path, vertex.count, available)
+
     if vertex.count == 0:
         return np.empty(0, dtype.newbyteorder("="))
     table: NDArray[np.void] = np.frombuffer(data, dtype, vertex.count, start)
@@ -224,38 +210,33 @@ def _read_binary(path: Path, data: bytes, header: _Header, position: int) -> NDA
 
 def _read_ascii(path: Path, data: bytes, header: _Header, position: int) -> NDArray[np.void]:
     """Parse the vertex lines of an ascii file."""
+    # as many lines as promised, those of elements before the vertices left out
     skipped = sum(element.count for element in header.elements[:position])
     vertex = header.elements[position]
     lines = [line for line in data[header.size :].split(b"\n") if line.strip()][skipped:]
     is_last = position == len(header.elements) - 1
     if len(lines) < vertex.count or (is_last and len(lines) > vertex.count):
         raise _miscounted(path, vertex.count, len(lines))
+
     dtype = _dtype(header, vertex)
     if vertex.count == 0:
         return np.empty(0, dtype)
     text = BytesIO(b"\n".join(lines[: vertex.count]))
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             table: NDArray[np.void] = np.loadtxt(
                 text, dtype, comments=None, ndmin=1, encoding="latin-1"
             )
     except (ValueError, OverflowError, Warning) as error:
-        raise InputError(
-            path,
-            f"vertex lines that do not parse ({error})",
-            f"{len(vertex.properties)} numbers a line",
-            "export the cloud again",
-        ) from error
+        found = f"vertex lines that do not parse ({error})"
+        expected = f"{len(vertex.properties)} numbers a line"
+        raise InputError(path, found, expected, "export the cloud again") from error
     return table
 
 
 def _miscounted(path: Path, promised: int, found: int) -> InputError:
-    cause = (
-        "the file is cut short; copy it again"
-        if found < promised
-        else "the header is wrong; export it again"
-    )
-    return InputError(
-        path, f"{promised:,} vertices promised, {found:,} found", f"{promised:,}", cause
-    )
+    """Refuse a file with fewer or more vertices than its header promises."""
+    counts, remedy = f"{promised:,} vertices promised, {found:,} found", "copy it again"
+    if found < promised:
+        return InputError(path, counts, f"{promised:,}", f"the file is cut short; {remedy}")
+    return InputError(path, counts, f"{promised:,}", "the header is wrong; export it again")

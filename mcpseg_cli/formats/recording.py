@@ -1,4 +1,4 @@
-"""A recording: a folder of scans in natural order, paired with their poses and read one at a time."""
+"""A recording: a folder of scans in natural order, paired with their poses, read one by one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import Frame
+from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
 from mcpseg_cli.formats.natural_order import natural_key
@@ -18,21 +18,22 @@ from mcpseg_cli.scan import Scan, to_map_frame
 
 MAX_COORDINATE = 65536.0
 """Metres from the origin at which float32 resolves no finer than 4 mm; farther is refused."""
+_TOO_FAR = "subtract a common offset from scans and poses, or convert millimetres to metres"
 
 
 @dataclass(frozen=True)
 class ScanFile:
-    """One scan of a recording: its file and the pose it was taken from, (4, 4) float64, sensor to map."""
+    """One scan of a recording: its file and its pose, (4, 4) float64, sensor to map."""
 
     path: Path
     pose: NDArray[np.float64]
 
 
 def list_clouds(directory: Path) -> list[Path]:
-    """List the cloud files of a folder in natural order (``scan_2`` before ``scan_10``); other files are passed over.
+    """List the cloud files of a folder in natural order: ``scan_2`` before ``scan_10``.
 
     Args:
-        directory: The folder; its subfolders are not searched.
+        directory: The folder; its subfolders and other files are passed over.
 
     Raises:
         InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their
@@ -44,23 +45,19 @@ def list_clouds(directory: Path) -> list[Path]:
     files = [path for path in directory.iterdir() if path.name[0] != "." and path.is_file()]
     paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
     if not paths:
-        raise InputError(
-            directory, "no scans", f"files ending in {', '.join(CLOUD_SUFFIXES)}", "check the path"
-        )
+        expected = f"files ending in {', '.join(CLOUD_SUFFIXES)}"
+        raise InputError(directory, "no scans", expected, "check the path")
+
+    # each scan has one name, by which reports and poses know it
     paths.sort(key=lambda path: natural_key(path.name))
     seen: dict[str, Path] = {}
     for path in paths:
         if any("\ud800" <= letter <= "\udfff" for letter in path.name):
-            raise InputError(
-                directory, f"a scan called {path.name!r}", "a name in UTF-8", "rename it"
-            )
+            found = f"a scan called {path.name!r}"
+            raise InputError(directory, found, "a name in UTF-8", "rename it")
         if path.stem in seen:
-            raise InputError(
-                directory,
-                f"{seen[path.stem].name} and {path.name} have the same scan name",
-                "one file a scan",
-                "rename or remove one",
-            )
+            found = f"{seen[path.stem].name} and {path.name} have the same scan name"
+            raise InputError(directory, found, "one file a scan", "rename or remove one")
         seen[path.stem] = path
     return paths
 
@@ -84,57 +81,41 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
     """
     paths = list_clouds(directory)
     table = read_poses(poses_path)
+
+    # poses that these scans can be moved by
     if frame == "sensor" and not table.has_rotation:
-        raise InputError(
-            poses_path,
-            "positions only",
-            "qx qy qz qw with --frame sensor",
-            "add them, or use --frame map",
-        )
+        expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+        raise InputError(poses_path, "positions only", expected, remedy)
     farthest = np.abs(table.poses[:, :3, 3]).max()
     if farthest >= MAX_COORDINATE:
-        remedy = "subtract a common offset from scans and poses, or convert millimetres to metres"
-        raise InputError(
-            poses_path,
-            f"positions up to {farthest:.6g} m",
-            f"less than {MAX_COORDINATE:.6g} m",
-            remedy,
-        )
-    if table.scans is None:
-        if len(table) != len(paths):
-            raise InputError(
-                poses_path,
-                f"{len(table):,} poses for {len(paths):,} scans in {directory}",
-                "as many",
-                "add a scan column or the missing rows",
-            )
-        return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
-    return _pair_by_name(poses_path, paths, table, table.scans)
+        found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
+        raise InputError(poses_path, found, expected, _TOO_FAR)
+
+    # paired by name where the table has names, else by order
+    if table.scans is not None:
+        return _pair_by_name(poses_path, paths, table, table.scans)
+    if len(table) != len(paths):
+        found = f"{len(table):,} poses for {len(paths):,} scans in {directory}"
+        raise InputError(poses_path, found, "as many", "add a scan column or the missing rows")
+    return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
 
 
 def _pair_by_name(
     poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]
 ) -> list[ScanFile]:
+    """Find the pose of every scan and a scan for every pose."""
     rows = {name: row for row, name in enumerate(scans)}
     recording = []
     for path in paths:
         row = rows.pop(path.name, rows.pop(path.stem, None) if path.name not in rows else None)
         if row is None:
-            raise InputError(
-                poses_path,
-                f"no pose for scan {path.name}",
-                "a row for every scan",
-                "add it or remove the scan",
-            )
+            found, remedy = f"no pose for scan {path.name}", "add it or remove the scan"
+            raise InputError(poses_path, found, "a row for every scan", remedy)
         recording.append(ScanFile(path, table.poses[row]))
+
     if rows:
-        name = next(iter(rows))
-        raise InputError(
-            poses_path,
-            f"a pose for {name}, which is not among the scans",
-            "a scan for every row",
-            "remove the row",
-        )
+        found = f"a pose for {next(iter(rows))}, which is not among the scans"
+        raise InputError(poses_path, found, "a scan for every row", "remove the row")
     return recording
 
 
@@ -153,20 +134,16 @@ def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, 
         InputError: The file is damaged, or its coordinates are too large for the map.
     """
     cloud = read_cloud(source.path)
-    xyz = cloud.xyz
-    limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
     with np.errstate(over="ignore", invalid="ignore"):
-        xyz_map = (
-            to_map_frame(xyz, source.pose)
-            if frame == "sensor"
-            else xyz.astype(np.float32, copy=False)
-        )
+        if frame == "sensor":
+            xyz_map = to_map_frame(cloud.xyz, source.pose)
+        else:
+            xyz_map = cloud.xyz.astype(np.float32, copy=False)
         largest = np.abs(xyz_map).max()
+
+    # what the voxel map and float32 can hold
+    limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
     if not largest < limit:
-        raise InputError(
-            source.path,
-            f"coordinates up to {largest:.6g} m",
-            f"less than {limit:.6g} m from the origin",
-            "subtract a common offset from scans and poses, or convert millimetres to metres",
-        )
+        found = f"coordinates up to {largest:.6g} m"
+        raise InputError(source.path, found, f"less than {limit:.6g} m from the origin", _TOO_FAR)
     return Scan(xyz_map, cloud.rgb, source.pose, source.path.name), cloud

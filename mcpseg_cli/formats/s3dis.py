@@ -1,4 +1,4 @@
-"""S3DIS folders: ``Area_1/office_1/Annotations/chair_2.txt``, a text file of points for every object of every room."""
+"""S3DIS folders: ``Area_1/office_1/Annotations/chair_2.txt``, a text file of points each object."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import hashlib
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import S3DIS_CLASSES
@@ -20,6 +20,7 @@ from mcpseg_cli.errors import InputError, McpsegError, OutputError, naming
 from mcpseg_cli.formats.hdf5 import read_building_h5, read_tags, write_building_h5
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS, ObjectFile, Points, list_area, read_files
 from mcpseg_cli.formats.s3dis_text import format_lines
+from mcpseg_cli.resumable import whole_folder
 
 _CACHE_VERSION = "1"  # raise it when the same text comes to give another building
 _NAME = re.compile(r"[^\W_][\w.-]*")
@@ -74,7 +75,7 @@ def read_area(
     *,
     use_cache: bool = True,
 ) -> tuple[Building, AreaReport]:
-    """Read an S3DIS area, or one room of it, from text or from the cache made when it was first read.
+    """Read an S3DIS area, or one room of it, from text or from the cache made of it.
 
     Rooms and files come in natural order (office_2 before office_10), objects are numbered in this
     order from 1. The class is the file's name up to the number; classes other than the 13 become
@@ -102,14 +103,20 @@ def read_area(
     folder, files, skipped = list_area(path)
     cached = _cache_of(folder, cache) if use_cache else None
     fingerprint = _fingerprint(folder, files)
+
+    # from the cache, if it is that of these files
     notice = ""
     if cached is not None:
         found, notice = _from_cache(cached, fingerprint)
         if found is not None:
             return found
+
+    # from text
     points = read_files(files, folder, threads, progress)
     building, report = _assemble(folder, files, points)
     report = replace(report, without_annotations=skipped + report.without_annotations)
+
+    # which is cached for the next time
     if cached is not None:
         tags = {"fingerprint": fingerprint, "report": json.dumps(asdict(report))}
         notice = _to_cache(cached, building, tags) or notice
@@ -119,10 +126,11 @@ def read_area(
 def write_room(
     area: Path, room: str, objects: Iterable[tuple[str, NDArray[np.float32], NDArray[np.uint8]]]
 ) -> tuple[str, ...]:
-    """Write one room in the S3DIS layout: ``area/room/Annotations/class_k.txt``, k from 1 in each class.
+    """Write one room in the S3DIS layout: ``area/room/Annotations/class_k.txt``.
 
-    The room appears under its name only when complete; until then it lies in a hidden folder, which
-    ``read_area`` passes over and the next attempt replaces. Coordinates are rounded to millimetres.
+    Objects are numbered from 1 in each class. The room appears under its name only when complete;
+    until then it lies in a hidden folder, which ``read_area`` passes over and the next attempt
+    replaces. Coordinates are rounded to millimetres.
 
     Args:
         area: The area's folder, made if not there.
@@ -144,16 +152,9 @@ def write_room(
         raise OutputError(
             f"{area / room}: already there; expected a new room; remove it or name another"
         )
-    hidden = area / f".{room}.part"
-    shutil.rmtree(hidden, ignore_errors=True)
-    (hidden / ANNOTATIONS).mkdir(parents=True)
-    try:
-        names = _write_objects(hidden / ANNOTATIONS, area / room, objects)
-        hidden.rename(area / room)
-    except BaseException:
-        shutil.rmtree(hidden, ignore_errors=True)
-        raise
-    return names
+    with whole_folder(area / room) as partial:
+        (partial / ANNOTATIONS).mkdir()
+        return _write_objects(partial / ANNOTATIONS, area / room, objects)
 
 
 def _write_objects(
@@ -167,6 +168,8 @@ def _write_objects(
         if len(xyz) == 0:
             names.append("")
             continue
+
+        # numbered in its class
         counts[name] = counts.get(name, 0) + 1
         names.append(f"{name}_{counts[name]}")
         path = folder / f"{names[-1]}.txt"
@@ -196,44 +199,49 @@ def _class_of(file: ObjectFile) -> str:
 
 def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Building, AreaReport]:
     """Label the points and number rooms and objects that have any."""
+    # files with points
     counts = points.counts
     kept = [number for number in range(len(files)) if counts[number] > 0]
     if not kept:
-        raise InputError(
-            folder,
-            f"{len(files):,} object files without a point",
-            "at least one point",
-            "copy it again",
-        )
+        found = f"{len(files):,} object files without a point"
+        raise InputError(folder, found, "at least one point", "copy it again")
+
+    # an object each, of the class its file is named after
     names = [_class_of(files[number]) for number in kept]
-    indices = [S3DIS_CLASSES.index(name if name in S3DIS_CLASSES else "clutter") for name in names]
-    rooms = tuple(dict.fromkeys(files[number].room for number in kept))
-    sizes = dict.fromkeys(rooms, 0)
+    classes = [S3DIS_CLASSES.index(name if name in S3DIS_CLASSES else "clutter") for name in names]
+    objects = np.arange(1, len(kept) + 1, dtype=np.int32)
+
+    # rooms in the order of their first file
+    sizes = dict.fromkeys((files[number].room for number in kept), 0)
     for number in kept:
         sizes[files[number].room] += int(counts[number])
+
     building = Building(
         points.xyz,
         points.rgb,
-        np.repeat(np.array(indices, np.uint8), counts[kept]),
-        np.repeat(np.arange(1, len(kept) + 1, dtype=np.int32), counts[kept]),
-        rooms=rooms,
+        np.repeat(np.array(classes, np.uint8), counts[kept]),
+        np.repeat(objects, counts[kept]),
+        rooms=tuple(sizes),
         room_starts=np.concatenate([[0], np.cumsum(list(sizes.values()))]).astype(np.int64),
         object_names=tuple(f"{files[number].room}/{files[number].path.stem}" for number in kept),
     )
+    return building, _report(folder, files, points, names)
+
+
+def _report(folder: Path, files: list[ObjectFile], points: Points, names: list[str]) -> AreaReport:
+    """Say what was noticed, given the class names of the files with points."""
+    empty = [file for file, count in zip(files, points.counts, strict=True) if count == 0]
+    filled = {file.room for file, count in zip(files, points.counts, strict=True) if count > 0}
+    rooms = dict.fromkeys(file.room for file in files)
     others = sorted(name for name in names if name not in S3DIS_CLASSES)
-    report = AreaReport(
-        num_files=len(kept),
+    return AreaReport(
+        num_files=len(names),
         mended=points.mended,
         dropped=points.dropped,
-        empty=tuple(
-            file.name_in(folder) for file, count in zip(files, counts, strict=True) if count == 0
-        ),
-        without_annotations=tuple(
-            room for room in dict.fromkeys(file.room for file in files) if room not in sizes
-        ),
+        empty=tuple(file.name_in(folder) for file in empty),
+        without_annotations=tuple(room for room in rooms if room not in filled),
         other_classes=tuple((name, others.count(name)) for name in dict.fromkeys(others)),
     )
-    return building, report
 
 
 def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
@@ -241,15 +249,16 @@ def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
     lines = [
         f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}\0{file.ctime_ns}" for file in files
     ]
-    return hashlib.sha256(
-        "\n".join([_CACHE_VERSION, *lines]).encode("utf-8", "surrogateescape")
-    ).hexdigest()
+    text = "\n".join([_CACHE_VERSION, *lines])
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def _cache_of(folder: Path, cache: Path | None) -> Path:
-    """Return where an area's cache lies; in a folder of caches, areas of one name are told apart by their paths."""
+    """Return where an area's cache lies."""
     if cache is None:
         return folder / ".mcpseg.h5"
+
+    # in a folder of caches, areas of one name are told apart by their paths
     path = hashlib.sha256(os.fsencode(os.path.abspath(folder))).hexdigest()[:8]  # noqa: PTH100
     return cache / f"{folder.name}-{path}.mcpseg.h5"
 
@@ -262,23 +271,11 @@ def _from_cache(path: Path, fingerprint: str) -> tuple[tuple[Building, AreaRepor
         tags = read_tags(path)
         if tags.get("fingerprint") != fingerprint:
             return None, f"{path}: made from other files; the cache was made anew"
-        return (read_building_h5(path), _report_of(tags["report"])), ""
-    except (McpsegError, OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        return None, f"{path}: not usable ({error}); the cache was made anew"
-
-
-def _report_of(text: str) -> AreaReport:
-    """Read a report from JSON."""
-    saved = json.loads(text)
-    return AreaReport(
-        num_files=saved["num_files"],
-        mended=tuple(saved["mended"]),
-        dropped=tuple(saved["dropped"]),
-        empty=tuple(saved["empty"]),
-        without_annotations=tuple(saved["without_annotations"]),
-        other_classes=tuple((name, count) for name, count in saved["other_classes"]),
-        from_cache=True,
-    )
+        report = TypeAdapter(AreaReport).validate_python(json.loads(tags["report"]))
+        return (read_building_h5(path), replace(report, from_cache=True)), ""
+    except (McpsegError, OSError, ValueError, KeyError) as error:
+        cause = "no report" if isinstance(error, ValidationError) else error
+        return None, f"{path}: not usable ({cause}); the cache was made anew"
 
 
 def _to_cache(path: Path, building: Building, tags: dict[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""Reads many S3DIS text files at once, in parts, into arrays that hold all points one after the other."""
+"""Reads many S3DIS text files at once, in parts, into arrays of all points one after the other."""
 
 from __future__ import annotations
 
@@ -81,36 +81,19 @@ def list_area(path: Path) -> tuple[Path, list[ObjectFile], tuple[str, ...]]:
         OSError: A folder cannot be read.
     """
     if not path.is_dir():
-        raise InputError(
-            path,
-            "no such folder" if not path.exists() else "a file",
-            _LAYOUT,
-            "name the area's folder",
-        )
+        found = "a file" if path.exists() else "no such folder"
+        raise InputError(path, found, _LAYOUT, "name the area's folder")
+
+    # the rooms of an area, or the one that was named
     folder = Path(path.absolute().parent if path.name == ANNOTATIONS else path.absolute())
     if (folder / ANNOTATIONS).is_dir():
         rooms = [folder]
     else:
-        rooms = _natural(
-            entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith(".")
-        )
+        rooms = _shown(entry for entry in folder.iterdir() if entry.is_dir())
+
+    # their object files
     skipped = tuple(room.name for room in rooms if not (room / ANNOTATIONS).is_dir())
-    files = []
-    for room in rooms:
-        if room.name not in skipped:
-            found = (
-                entry for entry in (room / ANNOTATIONS).iterdir() if entry.suffix.lower() == ".txt"
-            )
-            names = _natural(
-                entry for entry in found if not entry.name.startswith(".") and entry.is_file()
-            )
-            for name in names:
-                status = name.stat()
-                files.append(
-                    ObjectFile(
-                        room.name, name, status.st_size, status.st_mtime_ns, status.st_ctime_ns
-                    )
-                )
+    files = [file for room in rooms if room.name not in skipped for file in _objects_in(room)]
     if not files:
         inner = [room.name for room in rooms if any(room.glob(f"*/{ANNOTATIONS}"))]
         remedy = f"name one area, such as {folder / inner[0]}" if inner else "check the path"
@@ -118,9 +101,18 @@ def list_area(path: Path) -> tuple[Path, list[ObjectFile], tuple[str, ...]]:
     return folder, files, skipped
 
 
-def _natural(paths: Iterable[Path]) -> list[Path]:
-    """Sort by name without ending, numbers in it by value."""
-    return sorted(paths, key=lambda path: (natural_key(path.stem), path.name))
+def _objects_in(room: Path) -> Iterator[ObjectFile]:
+    """Give the object files of a room, in order."""
+    texts = (path for path in (room / ANNOTATIONS).iterdir() if path.suffix.lower() == ".txt")
+    for path in _shown(path for path in texts if path.is_file()):
+        status = path.stat()
+        yield ObjectFile(room.name, path, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+def _shown(paths: Iterable[Path]) -> list[Path]:
+    """Sort by name without ending, numbers in it by value; hidden ones are left out."""
+    shown = (path for path in paths if not path.name.startswith("."))
+    return sorted(shown, key=lambda path: (natural_key(path.stem), path.name))
 
 
 def read_files(
@@ -152,6 +144,7 @@ def read_files(
     bad_lines: list[tuple[str, bool]] = []
     with closing(_by_file(files, threads)) as by_file:
         for number, parts in by_file:
+            # its points, part by part
             check = _LineCheck(files[number])
             for size, lines in parts:
                 done += size
@@ -160,19 +153,19 @@ def read_files(
                 counts[number] += len(lines.xyz)
                 if progress is not None:
                     progress(files[number].room, done, total)
-            name = files[number].name_in(folder)
-            bad_lines += [
-                (f"{name}:{bad.line}", bad.mended) for bad in check.finish(int(counts[number]))
-            ]
+
+            # its bad lines, which must be few
+            name, bad = files[number].name_in(folder), check.finish(int(counts[number]))
+            bad_lines += [(f"{name}:{line.line}", line.mended) for line in bad]
+
     xyz, rgb = points.finish()
-    mended, dropped = (
-        tuple(line for line, is_mended in bad_lines if is_mended is want) for want in (True, False)
-    )
+    mended = tuple(name for name, is_mended in bad_lines if is_mended)
+    dropped = tuple(name for name, is_mended in bad_lines if not is_mended)
     return Points(xyz, rgb, counts, mended, dropped)
 
 
 class _GrowingPoints:
-    """Arrays that grow in place (the pages of large arrays are moved, not copied), so that no second copy exists."""
+    """Arrays that grow in place: the pages of large ones are moved, so no second copy exists."""
 
     def __init__(self) -> None:
         self._xyz, self._rgb = np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8)
@@ -218,19 +211,18 @@ class _LineCheck:
         return self._bad
 
     def _refuse(self, approximation: str) -> None:
-        first = self._bad[0]
-        raise InputError(
-            self._file.path,
-            f"{approximation}{len(self._bad):,} bad lines, first line {first.line:,}: {first.text!r}",
-            "lines of six numbers x y z r g b, colours 0 to 255",
-            "copy the file again or convert it",
-        )
+        """Name the first bad line of so many."""
+        first, count = self._bad[0], f"{approximation}{len(self._bad):,}"
+        found = f"{count} bad lines, first line {first.line:,}: {first.text!r}"
+        expected = "lines of six numbers x y z r g b, colours 0 to 255"
+        raise InputError(self._file.path, found, expected, "copy the file again or convert it")
 
 
 def _by_file(
     files: list[ObjectFile], threads: int
 ) -> Generator[tuple[int, Iterator[tuple[int, Lines]]], None, None]:
-    """Read all parts of all files ahead in threads; yield each file's parts, in order, with their bytes of text."""
+    """Read ahead in threads; yield each file's parts, in order, with their bytes of text."""
+    # a few parts are being read or wait
     jobs = (
         (number, start) for number, file in enumerate(files) for start in range(0, file.size, _PART)
     )
@@ -244,6 +236,7 @@ def _by_file(
                     break
                 running.append(pool.submit(_read_part, files[job[0]], job[1]))
 
+        # each file asks for its parts when it is its turn
         def parts(file: ObjectFile) -> Iterator[tuple[int, Lines]]:
             for start in range(0, file.size, _PART):
                 fill()
@@ -256,12 +249,15 @@ def _by_file(
 def _read_part(file: ObjectFile, start: int) -> Lines:
     """Read the lines that begin in one part of a file."""
     with file.path.open("rb") as stream:
-        before = min(start, 1)  # a line begins here only if the byte before ends another
+        # a line begins here only if the byte before ends another
+        before = min(start, 1)
         stream.seek(start - before)
         text = stream.read(_PART + before)
         begin = text.find(b"\n") + 1 if before else 0
         if before and begin == 0:
             return read_lines(b"")
+
+        # the last line ends in the next part
         if begin < len(text) and not text.endswith(b"\n"):
             text += stream.readline(_LONGEST_LINE)
     return read_lines(text[begin:] if begin else text)

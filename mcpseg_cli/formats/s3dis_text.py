@@ -56,13 +56,14 @@ class Lines:
 
 
 def read_lines(text: bytes) -> Lines:
-    r"""Read lines ``x y z r g b``, separated by spaces or tabs, ended by LF or CRLF; blank lines are passed over.
+    r"""Read lines ``x y z r g b``, separated by spaces or tabs, ended by LF or CRLF.
 
-    Coordinates are at most one float32 step from the correctly rounded number; colours may be
-    written as decimals and are rounded. A line is bad unless it is exactly six finite decimal
-    numbers with colours in 0 to 255. One with stray bytes in it (control characters, anything not
-    ASCII) is mended: they are taken for separators if that makes it good (``98 185\x10187``), else
-    left out if that does (``103.0\x100000``). Other bad lines are dropped.
+    Blank lines are passed over. Coordinates are at most one float32 step from the correctly rounded
+    number; colours may be written as decimals and are rounded. A line is bad unless it is exactly
+    six finite decimal numbers with colours in 0 to 255. One with stray bytes in it (control
+    characters, anything not ASCII) is mended: they are taken for separators if that makes it good
+    (``98 185\x10187``), else left out if that does (``103.0\x100000``). Other bad lines are
+    dropped.
 
     Args:
         text: Whole lines; the last may lack its end.
@@ -70,34 +71,32 @@ def read_lines(text: bytes) -> Lines:
     Returns:
         The points in the order of the lines, and what was wrong.
     """
+    # the good lines; memory that no point reaches is never touched
     data = np.frombuffer(text, np.uint8)
-    capacity = len(text) // _SHORTEST + 1  # memory that no point reaches is never touched
+    capacity = len(text) // _SHORTEST + 1
     xyz, rgb = np.empty((capacity, 3), np.float32), np.empty((capacity, 3), np.uint8)
     places = np.empty((16 + len(text) // 1000, 4), np.int64)
     num_points, num_lines, num_bad = _parse(data, xyz, rgb, places)
+    xyz, rgb = xyz[:num_points], rgb[:num_points]
     if num_bad == 0:
-        return Lines(xyz[:num_points], rgb[:num_points], num_lines, (), True)
+        return Lines(xyz, rgb, num_lines, (), True)
+
+    # the bad ones, of which some can be mended
     is_whole = num_bad <= len(places)
     bad, rows, xyz_mended, rgb_mended = [], [], [], []
     for line, row, start, end in places[:num_bad].tolist():
         mended = _mend(text[start:end]) if is_whole else None
-        bad.append(
-            BadLine(
-                line + 1,
-                text[start : min(end, start + 60)].decode("latin-1").strip(),
-                mended is not None,
-            )
-        )
+        says = text[start : min(end, start + 60)].decode("latin-1").strip()
+        bad.append(BadLine(line + 1, says, mended is not None))
         if mended is not None:
             rows.append(row)
             xyz_mended.append(mended[0])
             rgb_mended.append(mended[1])
-    xyz, rgb = xyz[:num_points], rgb[:num_points]
+
+    # mended points go where their lines were
     if rows:
-        xyz, rgb = (
-            np.insert(xyz, rows, xyz_mended, axis=0),
-            np.insert(rgb, rows, rgb_mended, axis=0),
-        )
+        xyz = np.insert(xyz, rows, xyz_mended, axis=0)
+        rgb = np.insert(rgb, rows, rgb_mended, axis=0)
     return Lines(xyz, rgb, num_lines, tuple(bad), is_whole)
 
 
@@ -140,7 +139,10 @@ def _parse(
     rgb: NDArray[np.uint8],
     bad: NDArray[np.int64],
 ) -> tuple[int, int, int]:
-    """Read every line; of bad ones keep line number, points before, start and end. Return points, lines, bad ones."""
+    """Read every line; of bad ones keep number, points before, start and end.
+
+    Returns the numbers of points, lines and bad lines.
+    """
     position = num_points = num_lines = num_bad = 0
     values = np.empty(6)
     while position < len(text) and num_bad <= len(bad):
@@ -153,12 +155,8 @@ def _parse(
             num_points += 1
         elif num_values != 0:
             if num_bad < len(bad):
-                bad[num_bad, 0], bad[num_bad, 1], bad[num_bad, 2], bad[num_bad, 3] = (
-                    num_lines,
-                    num_points,
-                    start,
-                    position,
-                )
+                bad[num_bad, 0], bad[num_bad, 1] = num_lines, num_points
+                bad[num_bad, 2], bad[num_bad, 3] = start, position
             num_bad += 1
         num_lines += 1
     return num_points, num_lines, num_bad
@@ -168,7 +166,7 @@ def _parse(
 def _parse_line(
     text: NDArray[np.uint8], position: int, values: NDArray[np.float64]
 ) -> tuple[int, int]:
-    """Read the numbers of one line; return where the next line starts and how many there were, -1 if malformed."""
+    """Read the numbers of one line; return where the next starts and their number, -1 if bad."""
     num_values = 0
     while position < len(text):
         byte = text[position]
@@ -177,6 +175,8 @@ def _parse_line(
         if byte == 32 or byte == 9 or byte == 13:
             position += 1
             continue
+
+        # a number, and no seventh; else the rest of the line does not matter
         end = -1
         if num_values < 6:
             values[num_values], end = _parse_number(text, position)
@@ -191,10 +191,12 @@ def _parse_line(
 
 @njit(cache=True, nogil=True)
 def _parse_number(text: NDArray[np.uint8], position: int) -> tuple[float, int]:
-    """Read a decimal number that ends at a separator; return it and where it ends, -1 if it is none."""
+    """Read a decimal number that ends at a separator; return it and its end, -1 if it is none."""
     negative = text[position] == 45
     if negative or text[position] == 43:
         position += 1
+
+    # digits, as many as int64 holds
     mantissa, power, num_digits, is_fraction = 0, 0, 0, False
     while position < len(text):
         digit = int(np.int64(text[position])) - 48
@@ -212,6 +214,8 @@ def _parse_number(text: NDArray[np.uint8], position: int) -> tuple[float, int]:
         position += 1
     if num_digits == 0:
         return 0.0, -1
+
+    # an exponent, and a separator behind all of it
     if position < len(text) and text[position] | 32 == 101:
         exponent, position = _parse_exponent(text, position + 1)
         power += exponent
@@ -220,6 +224,7 @@ def _parse_number(text: NDArray[np.uint8], position: int) -> tuple[float, int]:
     byte = text[position] if position < len(text) else 10
     if byte != 32 and byte != 10 and byte != 9 and byte != 13:
         return 0.0, -1
+
     value = _scaled(mantissa, power)
     return (-value if negative else value), position
 
@@ -240,7 +245,7 @@ def _parse_exponent(text: NDArray[np.uint8], position: int) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _scaled(mantissa: int, power: int) -> float:
-    """Return mantissa times ten to the power: correctly rounded where both are exact, else to a few parts in 1e16."""
+    """Return mantissa times ten to the power: rounded correctly, or to a few parts in 1e16."""
     if mantissa == 0:
         return 0.0
     if mantissa <= _EXACT and -22 <= power <= 22:
@@ -252,10 +257,9 @@ def _scaled(mantissa: int, power: int) -> float:
 def _is_point(values: NDArray[np.float64]) -> bool:
     """Whether six numbers are coordinates that float32 can hold and colours."""
     for axis in range(3):
-        if (
-            not np.isfinite(np.float32(values[axis]))
-            or not 0.0 <= np.float32(values[axis + 3]) <= 255.0
-        ):
+        if not np.isfinite(np.float32(values[axis])):
+            return False
+        if not 0.0 <= np.float32(values[axis + 3]) <= 255.0:
             return False
     return True
 
@@ -265,6 +269,7 @@ def _format(xyz: NDArray[np.float32], rgb: NDArray[np.uint8], text: NDArray[np.u
     """Write one line a point into ``text``; return the bytes written."""
     length = 0
     for row in range(len(xyz)):
+        # coordinates with three decimals
         for axis in range(3):
             thousandths = int(np.rint(np.float64(xyz[row, axis]) * 1000.0))
             if thousandths < 0:
@@ -274,13 +279,11 @@ def _format(xyz: NDArray[np.float32], rgb: NDArray[np.uint8], text: NDArray[np.u
             length = _format_integer(thousandths // 1000, text, length)
             text[length] = 46
             rest = thousandths % 1000
-            text[length + 1], text[length + 2], text[length + 3] = (
-                48 + rest // 100,
-                48 + rest // 10 % 10,
-                48 + rest % 10,
-            )
-            text[length + 4] = 32
+            text[length + 1], text[length + 2] = 48 + rest // 100, 48 + rest // 10 % 10
+            text[length + 3], text[length + 4] = 48 + rest % 10, 32
             length += 5
+
+        # colours, the last before the end of the line
         for axis in range(3):
             length = _format_integer(int(np.int64(rgb[row, axis])), text, length)
             text[length] = 32 if axis < 2 else 10

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import glob
 import io
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from mcpseg_cli.errors import naming
+from mcpseg_cli.resumable import whole_file
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[SteadyFile]:
+def steady_file(path: Path) -> Iterator[SteadyFile]:
     """Open a file to write that appears under its name only when complete.
 
     Args:
@@ -26,27 +24,17 @@ def whole_file(path: Path) -> Iterator[SteadyFile]:
     Raises:
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    for leftover in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
-        if not _is_running(leftover.suffixes[-2][1:]):
-            leftover.unlink(missing_ok=True)
-    try:
-        with naming(path), partial.open("w+b") as raw:
-            file = SteadyFile(raw)
-            yield file
-            file.close()
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _is_running(pid: str) -> bool:
-    """Tell whether a process that left a file behind may still be writing it."""
-    return pid.isdecimal() and Path(f"/proc/{pid}").exists()
+    with whole_file(path) as partial, partial.open("w+b") as raw:
+        file = SteadyFile(raw)
+        yield file
+        file.close()
 
 
 class SteadyFile(io.RawIOBase):
-    """A file that goes on after a failed write and says so when closed: HDF5 crashes the process over a full disk."""
+    """A file that goes on after a failed write and says so when closed.
+
+    HDF5 crashes the process over a full disk.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

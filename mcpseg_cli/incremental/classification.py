@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import EMBEDDING, SIMILARITY, Precision, SegmentSettings
+from mcpseg_cli.choices import Precision
+from mcpseg_cli.config import EMBEDDING, SIMILARITY, SegmentSettings
 from mcpseg_cli.incremental.clustering import embed_classes, quantise
 from mcpseg_cli.incremental.context import context_input, network_input
 from mcpseg_cli.incremental.evidence import Look

@@ -7,7 +7,7 @@ point below it. The map around the robot remembers a floor that this scan does n
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import FloorRule
+from mcpseg_cli.choices import FloorRule
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 

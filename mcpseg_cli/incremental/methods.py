@@ -1,4 +1,4 @@
-"""The methods that tables I and II compare, by name."""
+"""The methods that tables I and II compare: what each must do, and how to open one by name."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import Method, Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.choices import Method, Precision
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import McpsegError, WeightsError
 from mcpseg_cli.incremental.classification import NetworkClassifier
 from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
 from mcpseg_cli.incremental.region_growing import RegionGrower
 from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 
 
@@ -77,9 +79,8 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     """
     if method == "region-growing":
         if weights is not None:
-            raise WeightsError(
-                weights, "weights for region growing", "none, it learns nothing", "leave -w out"
-            )
+            found, expected = "weights for region growing", "none, it learns nothing"
+            raise WeightsError(weights, found, expected, "leave -w out")
         return RegionGrowingSettings()
 
     # whatever network the weights are of
@@ -92,16 +93,13 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     except WeightsError as error:
         if weights is not None:
             raise
+        source, expected = f"--method {method}", "weights of this network with -w"
         remedy = f"train them with 'mcpseg train --net {method}'"
-        found = "no bundled weights"
-        raise WeightsError(
-            f"--method {method}", found, "weights of this network with -w", remedy
-        ) from error
+        raise WeightsError(source, "no bundled weights", expected, remedy) from error
     if loaded.info.architecture != method:
+        found = f"weights of {loaded.info.architecture}"
         remedy = "give other weights, or leave --method out"
-        raise WeightsError(
-            loaded.name, f"weights of {loaded.info.architecture}", f"weights of {method}", remedy
-        )
+        raise WeightsError(loaded.name, found, f"weights of {method}", remedy)
     return loaded
 
 
@@ -135,6 +133,7 @@ def make_method(
         McpsegError: The device does not exist here.
     """
     if isinstance(method, RegionGrowingSettings):
+        find_device(device)  # nothing runs there, but a name that is wrong is told
         return RegionGrower(method, settings)
     if method.network.sees_windows:
         return RoomNetwork(method, settings, precision=precision, device=device)

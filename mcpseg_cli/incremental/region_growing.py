@@ -12,8 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import Precision
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.config import EMBEDDING, Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.config import EMBEDDING, RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import ANY, quantise
 from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap

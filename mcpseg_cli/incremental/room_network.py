@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import EMBEDDING, Precision, SegmentSettings
+from mcpseg_cli.choices import Precision
+from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.evidence import Look

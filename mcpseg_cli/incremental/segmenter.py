@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import Precision
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.config import Precision, RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.map_rows import MapRows
@@ -104,7 +104,7 @@ class IncrementalSegmenter:
         Raises:
             WeightsError: The weights are not there or damaged.
         """
-        return cls(load_weights(Path(find_weights(weights))), settings)
+        return cls(load_weights(find_weights(weights)), settings)
 
     @property
     def map(self) -> VoxelMap:

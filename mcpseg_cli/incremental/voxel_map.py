@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.config import ContextWindow
+from mcpseg_cli.choices import ContextWindow
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.column import RESERVED_ROWS, Column
 

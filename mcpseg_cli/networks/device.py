@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from mcpseg_cli.config import Precision
+from mcpseg_cli.choices import Precision
 from mcpseg_cli.errors import McpsegError
 
 

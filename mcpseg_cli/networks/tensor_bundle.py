@@ -16,8 +16,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from mcpseg_cli.choices import Architecture
 from mcpseg_cli.classes import MCPNET_CLASSES
-from mcpseg_cli.config import HIDDEN, NUM_FEATURES, Architecture
+from mcpseg_cli.config import HIDDEN, NUM_FEATURES
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import WeightsInfo, build_network

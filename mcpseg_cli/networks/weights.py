@@ -13,9 +13,10 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from mcpseg_cli.choices import Architecture, ContextWindow
 from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
-from mcpseg_cli.config import NUM_CONTEXT, Architecture, ContextWindow
-from mcpseg_cli.errors import WeightsError, naming
+from mcpseg_cli.config import NUM_CONTEXT
+from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.mcpnet import MCPNet, MCPNetNoContext
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pointnet import PointNet
@@ -23,6 +24,7 @@ from mcpseg_cli.networks.pointnet2 import PointNet2
 from mcpseg_cli.networks.sgpn import SGPN
 from mcpseg_cli.networks.unet import UNet
 from mcpseg_cli.networks.voxnet import VoxNet
+from mcpseg_cli.resumable import write_whole
 
 DEFAULT_WEIGHTS = "mcpnet"
 NETWORKS: dict[Architecture, type[Network]] = {
@@ -183,14 +185,8 @@ def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
         name: tensor.detach().float().cpu().contiguous()
         for name, tensor in network.state_dict().items()
     }
-    partial = path.with_name(path.name + ".part")
     description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
-    try:
-        with naming(path):
-            partial.write_bytes(save(tensors, {_METADATA: description}))
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(path, save(tensors, {_METADATA: description}))
 
 
 def build_network(info: WeightsInfo) -> Network:

@@ -1,4 +1,7 @@
-"""Waypoints for a building that has none, from which a scanner sees all there is; the rooms that are left out."""
+"""Waypoints for a building that has none: a scanner sees all there is from them.
+
+Also tells which rooms the robot does not get to.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,8 @@ from mcpseg_cli.raytrace.rays import ScanPattern, visible_voxels
 
 _SPACING = 0.4  # metres between places that waypoints are chosen from
 _ANGLE_DEG = 3.0  # between the rays that places are compared with; 5 m away that is 0.26 m
-# of what those rays see from all places; the scans on the way between the waypoints see the rest
-_SHARE = 0.95
-# square metres; a place that shows so much more is a waypoint even so, so that no closet is left
-# out
-_AREA = 2.0
+_SHARE = 0.95  # of what is seen from all places; scans between the waypoints see the rest
+_AREA = 2.0  # square metres; a place that shows so much more is a waypoint all the same: closets
 _MIN_AREA = 0.1  # square metres; a place that shows less is none
 _THICKNESS = 0.1  # metres over the floor; its points are no higher
 
@@ -57,23 +57,25 @@ def choose_waypoints(
     """
     places = plan.centre_of(_thinned(plan, region))
     origins = np.column_stack([places, plan.floor_at(places) + sensor_height])
+
+    # what each place shows, looked at with few rays
     coarse = replace(
         pattern,
         horizontal_deg=max(pattern.horizontal_deg, _ANGLE_DEG),
         vertical_deg=max(pattern.vertical_deg, _ANGLE_DEG),
     )
-    directions = coarse.directions()
+    directions, reach = coarse.directions(), pattern.reach
     views: list[NDArray[np.int32]] = []
     pool = ThreadPoolExecutor(num_threads)
     try:
-        for view in pool.map(
-            lambda origin: visible_voxels(grid, origin, directions, pattern.reach), origins
-        ):
+        for view in pool.map(lambda place: visible_voxels(grid, place, directions, reach), origins):
             views.append(view)
             if progress is not None:
                 progress(len(views), len(origins))
     finally:
         pool.shutdown(cancel_futures=True)  # Ctrl-C does not wait for the rest
+
+    # the few that together show what all do
     return places[_cover(views, len(grid), grid.voxel_size)]
 
 
@@ -88,22 +90,25 @@ def _thinned(plan: FloorPlan, region: int) -> NDArray[np.int64]:
 
 def _cover(views: list[NDArray[np.int32]], num_voxels: int, voxel_size: float) -> NDArray[np.int64]:
     """Choose views that show most of the union of all (lazy greedy set cover; Minoux, 1978)."""
+    # what can be seen at all, and how little of it may be missing
     in_union = np.zeros(num_voxels, np.bool_)
     for view in views:
         in_union[view] = True
-    is_seen = np.zeros(num_voxels, np.bool_)
     missing, enough = np.count_nonzero(in_union), (1.0 - _SHARE) * np.count_nonzero(in_union)
+
+    is_seen = np.zeros(num_voxels, np.bool_)
     queue: list[tuple[int, int]] = [(-len(view), number) for number, view in enumerate(views)]
     heapq.heapify(queue)
     chosen = []
     while queue:
+        # the first of the queue, whose gain there may be an older, higher one
         number = queue[0][1]
-        gain = int(
-            np.count_nonzero(~is_seen[views[number]])
-        )  # the queue may hold an older, higher one
+        gain = int(np.count_nonzero(~is_seen[views[number]]))
         if len(queue) > 1 and (-gain, number) > min(queue[1:3]):
             heapq.heapreplace(queue, (-gain, number))
             continue
+
+        # it shows most: take it, or stop where it shows too little
         if gain * voxel_size**2 < (_MIN_AREA if missing > enough else _AREA):
             break
         heapq.heappop(queue)
@@ -114,13 +119,12 @@ def _cover(views: list[NDArray[np.int32]], num_voxels: int, voxel_size: float) -
 
 
 def room_of_cells(building: Building, plan: FloorPlan) -> NDArray[np.int32]:
-    """Return the (X, Y) int32 room that has most of the floor points in each cell of the plan; -1 without any."""
+    """Return the (X, Y) int32 room with most floor points in each cell of the plan; -1 for none."""
     starts = building.room_starts
     if starts is None:
         starts = np.array([0, len(building)] if building.rooms else [0], np.int64)
-    return _count_floor(
-        building.xyz, starts, plan.cell_size, plan.low, plan.floor + np.float32(_THICKNESS)
-    )
+    highest = plan.floor + np.float32(_THICKNESS)
+    return _count_floor(building.xyz, starts, plan.cell_size, plan.low, highest)
 
 
 def reached_shares(
@@ -137,8 +141,11 @@ def reached_shares(
         The share by room, 0-1, in the order of the building; 0 for a room without free floor; empty
         when the rooms are not known.
     """
+    # cells of each room's free floor
     room = room_of_cells(building, plan)
     free = np.bincount(room[plan.free & (room >= 0)], minlength=len(building.rooms))
+
+    # those in regions that are driven in
     driven = np.isin(plan.region, regions[regions > 0]) & (room >= 0)
     reached = np.bincount(room[driven], minlength=len(building.rooms)) / np.maximum(free, 1)
     return dict(zip(building.rooms, reached.tolist(), strict=True))

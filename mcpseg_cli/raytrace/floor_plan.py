@@ -1,4 +1,4 @@
-"""The floor plan a robot drives in: where a building's floor is, how high, and which of it is free (paper III-A)."""
+"""The floor plan a robot drives in: where the floor is, how high, which of it is free (III-A)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from mcpseg_cli.errors import InputError
 
 MAX_WORDS = 1 << 24
-"""Cells times their layers, 6.4 m to a word: 128 MB of them, a building of 800 m x 800 m at 0.2 m."""
+"""Cells times their layers, 6.4 m to a word: 128 MB, a building of 800 m x 800 m at 0.2 m."""
 _LAYER = 0.1  # metres, the heights that tell stray points from floors
 _CLIMB = 2  # layers from cell to cell that still are one surface: stairs, ramps, uneven floors
-_MIN_AREA = (
-    4.0  # square metres; a smaller surface below those beside it is a reflection, not a floor
-)
+_MIN_AREA = 4.0  # square metres; a smaller surface below those beside it is a reflection
 _CEILING_HEIGHT = 1.8  # metres; a surface that high over a floor ...
 _CEILING_RANGE = 3.0  # ... within so many metres is not one
 _NONE = np.iinfo(np.int32).max  # the layer of a cell without points
@@ -47,17 +45,31 @@ class FloorPlan:
     region: NDArray[np.int32]
 
     def cell_of(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the (N, 2) int64 cells, counted from the plan's corner, of places (N, 2); they may lie outside."""
+        """Return the cells, counted from the plan's corner, of places; they may lie outside it.
+
+        Args:
+            xy: (N, 2) float64, metres, map frame.
+
+        Returns:
+            (N, 2) int64.
+        """
         far = 1e9 * self.cell_size  # no plan is that large, and int64 holds it
         return np.floor(np.clip(xy, -far, far) / self.cell_size + 0.5).astype(np.int64) - self.low
 
     def centre_of(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the (N, 2) float64 centres, metres, map frame, of cells (N, 2) counted from the plan's corner."""
+        """Return the centres of cells.
+
+        Args:
+            cells: (N, 2) int64, counted from the plan's corner.
+
+        Returns:
+            (N, 2) float64, metres, map frame.
+        """
         centre: NDArray[np.float64] = (cells + self.low).astype(np.float64) * self.cell_size
         return centre
 
     def region_at(self, xy: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Return the (N,) int32 region at places (N, 2); 0 where a robot cannot stand and outside the plan."""
+        """Return the (N,) int32 region at places (N, 2); 0 where a robot cannot stand."""
         cells = self.cell_of(xy)
         inside = ((cells >= 0) & (cells < self.free.shape)).all(axis=1)
         region = np.zeros(len(cells), np.int32)
@@ -65,7 +77,7 @@ class FloorPlan:
         return region
 
     def floor_at(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (N,) float64 height of the floor, metres, at places (N, 2) in the plan; NaN without a floor."""
+        """Return the (N,) float64 height of the floor at places (N, 2) in the plan, or NaN."""
         height: NDArray[np.float64] = self.floor[tuple(self.cell_of(xy).T)].astype(np.float64)
         return height
 
@@ -103,19 +115,25 @@ def build_floor_plan(
     Raises:
         InputError: The bounding box is too large for the cell size.
     """
+    # the lowest point of each cell, reflections below the floor left out
     low, low_layer, shape = _extent(xyz, cell_size)
     layers = np.zeros(shape, np.uint64)
     _mark_layers(xyz, cell_size, low, low_layer, layers)
     lowest_layer = _without_strays(layers, cell_size)
     lowest = np.full(shape[:2], np.inf, np.float32)
     _find_lowest(xyz, cell_size, low, low_layer, lowest_layer, lowest)
+
+    # the floor, where it was seen and is no ceiling
     floor = _window_minimum(lowest, _WINDOW)
     ground = _window_minimum(lowest, 2 * round(_CEILING_RANGE / cell_size) + 1)
     seen = (lowest <= floor + np.float32(clearance_low)) & (lowest < ground + _CEILING_HEIGHT)
+
+    # what the robot would run into
     blocked = np.zeros(shape[:2], np.bool_)
-    _mark_blocked(
-        xyz, cell_size, low, np.array([clearance_low, clearance_high], np.float32), floor, blocked
-    )
+    clearance = np.array([clearance_low, clearance_high], np.float32)
+    _mark_blocked(xyz, cell_size, low, clearance, floor, blocked)
+
+    # free floor, gaps in it bridged
     bridged = ndimage.binary_closing(seen, np.ones((3, 3)))
     free = _reachable(bridged & ~blocked, seen)
     if robot_radius > 0.0:
@@ -127,23 +145,20 @@ def build_floor_plan(
 def _extent(
     xyz: NDArray[np.float32], cell_size: float
 ) -> tuple[NDArray[np.int64], int, tuple[int, int, int]]:
-    """Return the cell (2,) at the corner, the lowest layer, and the shape: cells with a margin, words of layers."""
+    """Return the cell (2,) at the corner, the lowest layer, and the shape in cells and words."""
+    # cells with a margin around the points, layers from the lowest point to the highest
     bounds = np.stack([xyz.min(axis=0), xyz.max(axis=0)]).astype(np.float64)
-    corners = np.floor(bounds[:, :2] / cell_size + 0.5).astype(np.int64) + np.array(
-        [[-_MARGIN], [_MARGIN]]
-    )
+    corners = np.floor(bounds[:, :2] / cell_size + 0.5).astype(np.int64)
+    corners += np.array([[-_MARGIN], [_MARGIN]])
     low_layer, high_layer = (int(layer) for layer in np.floor(bounds[:, 2] / _LAYER))
+
+    # 64 layers to a word
     width, depth = (int(size) for size in corners[1] - corners[0] + 1)
     shape = (width, depth, ((high_layer - low_layer) >> 6) + 1)
     if shape[0] * shape[1] * shape[2] > MAX_WORDS:
         extent = " x ".join(f"{size:,.0f}" for size in bounds[1] - bounds[0])
-        expected = f"at most {MAX_WORDS:,} cells"
-        raise InputError(
-            "the building",
-            f"{extent} m in cells of {cell_size:g} m",
-            expected,
-            "remove stray points",
-        )
+        found, expected = f"{extent} m in cells of {cell_size:g} m", f"at most {MAX_WORDS:,} cells"
+        raise InputError("the building", found, expected, "remove stray points")
     return corners[0], low_layer, shape
 
 
@@ -156,7 +171,7 @@ def _window_minimum(heights: NDArray[np.float32], window: int) -> NDArray[np.flo
 
 
 def _reachable(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the free cells less parts that no floor was seen in: the insides of walls, bridged from face to face."""
+    """Return the free cells less parts without seen floor: insides of walls, bridged over."""
     part, count = ndimage.label(free)
     is_real = np.zeros(count + 1, np.bool_)
     is_real[part[free & seen]] = True
@@ -175,14 +190,17 @@ def _label(free: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def _without_strays(layers: NDArray[np.uint64], cell_size: float) -> NDArray[np.int32]:
-    """Return the (X, Y) lowest layer of each cell that may be a floor: not that of a small surface below others."""
+    """Return the (X, Y) lowest layer of each cell that is not a small surface below others."""
     lowest = _first_layer(layers, np.zeros(layers.shape[:2], np.int32))
     while True:
+        # small surfaces, and the lowest large one beside each
         size = _surface_sizes(lowest)
         large = size >= min(_MIN_AREA / cell_size**2, size.max() / 2)
         beside = ndimage.minimum_filter(
             np.where(large, lowest, _NONE), _WINDOW, mode="constant", cval=_NONE
         )
+
+        # those below it are strays: go on with what is over them
         stray = ~large & (beside < _NONE) & (lowest < beside - _CLIMB)
         if not stray.any():
             break
@@ -191,17 +209,19 @@ def _without_strays(layers: NDArray[np.uint64], cell_size: float) -> NDArray[np.
 
 
 def _surface_sizes(layer: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Count the cells of each cell's surface: those it reaches from neighbour to neighbour without a high step."""
+    """Count the cells of each cell's surface: those it reaches without a high step."""
+    # cells beside each other without a high step between them
     index = np.arange(layer.size).reshape(layer.shape)
     edges = []
     for here, there in _neighbour_pairs():
         together = (layer[here] < _NONE) & (layer[there] < _NONE)
         together &= np.abs(np.where(together, layer[here] - layer[there], 0)) <= _CLIMB
         edges.append(np.stack([index[here][together], index[there][together]]))
+
+    # the parts of the graph they make
     rows, columns = np.concatenate(edges, axis=1)
-    graph = coo_array(
-        (np.ones(len(rows), np.bool_), (rows, columns)), shape=(layer.size, layer.size)
-    )
+    is_edge = np.ones(len(rows), np.bool_)
+    graph = coo_array((is_edge, (rows, columns)), shape=(layer.size, layer.size))
     surface = connected_components(graph, directed=False)[1]
     sizes: NDArray[np.int64] = np.bincount(surface)[surface].reshape(layer.shape)
     return np.where(layer < _NONE, sizes, 0)

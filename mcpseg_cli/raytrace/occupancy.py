@@ -1,4 +1,4 @@
-"""The voxel grid that rays are cast in: a bit per voxel in blocks of 4 x 4 x 4, and one point for each."""
+"""The voxel grid that rays are cast in: a bit per voxel in blocks of 4 x 4 x 4, and its point."""
 
 from __future__ import annotations
 
@@ -46,21 +46,21 @@ class OccupancyGrid:
         return len(self.points)
 
     def voxel_ids(self, voxel: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return the (N,) int32 numbers of the voxels (N, 3); -1 for empty ones and those outside the grid."""
+        """Return the (N,) int32 numbers of voxels (N, 3); -1 for empty ones and those outside."""
         return _look_up(voxel.astype(np.int64) - self.low, self.masks, self.ranks)
 
     def ids_of_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the (N,) int32 numbers of voxels given by their places in ``gaps``, flat; -1 stays -1."""
+        """Return the (N,) int32 numbers of voxels given as places in flat ``gaps``; -1 stays -1."""
         return _look_up_cells(cells, self.gaps.shape, self.masks, self.ranks)
 
 
 def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> OccupancyGrid:
-    """Enter a building into a voxel grid; of each voxel's points a random one, the same for a seed, stands for it.
+    """Enter a building into a voxel grid; a random one of each voxel's points stands for it.
 
     Args:
         xyz: (N, 3) float32, metres, map frame; at least one point.
         voxel_size: Edge of a voxel, metres.
-        seed: Decides which point stands for a voxel.
+        seed: Decides which point stands for a voxel; it is the same for the same seed.
 
     Returns:
         The grid; about 1.2 bytes for each voxel of the bounding box and 8 for each occupied one.
@@ -68,6 +68,7 @@ def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> Oc
     Raises:
         InputError: The bounding box is too large for the voxel size.
     """
+    # blocks around all points
     corners = voxel_of(np.stack([xyz.min(axis=0), xyz.max(axis=0)]), voxel_size).astype(np.int64)
     low = corners[0] // 4 * 4
     shape = (corners[1] - low) // 4 + 1
@@ -79,11 +80,15 @@ def build_grid(xyz: NDArray[np.float32], voxel_size: float, seed: int = 0) -> Oc
             f"at most {MAX_BLOCKS * 64:,} voxels",
             "remove stray points, give larger voxels, or check that lengths are in metres",
         )
+
+    # a bit for each occupied voxel, which numbers them
     masks = np.zeros(tuple(shape), np.uint64)
     for start in range(0, len(xyz), _CHUNK):
         _mark(voxel_of(xyz[start : start + _CHUNK], voxel_size), low, masks)
     ranks = _count(masks)
     num_voxels = int(ranks.flat[-1]) + int(masks.flat[-1]).bit_count()
+
+    # the point with the highest draw stands for its voxel
     points = np.full(num_voxels, -1, np.int64)
     draws = np.zeros(num_voxels, np.uint64)
     for start in range(0, len(xyz), _CHUNK):
@@ -129,15 +134,12 @@ def _count(masks: NDArray[np.uint64]) -> NDArray[np.int32]:
 def _look_up(
     voxel: NDArray[np.int64], masks: NDArray[np.uint64], ranks: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Return the number of each voxel, given from the grid's corner; -1 where it is empty or outside."""
+    """Return the number of each voxel, given from the grid's corner; -1 if empty or outside."""
     ids = np.full(len(voxel), -1, np.int32)
+    num_x, num_y, num_z = 4 * masks.shape[0], 4 * masks.shape[1], 4 * masks.shape[2]
     for row in range(len(voxel)):
         x, y, z = voxel[row, 0], voxel[row, 1], voxel[row, 2]
-        if (
-            0 <= x < 4 * masks.shape[0]
-            and 0 <= y < 4 * masks.shape[1]
-            and 0 <= z < 4 * masks.shape[2]
-        ):
+        if 0 <= x < num_x and 0 <= y < num_y and 0 <= z < num_z:
             ids[row] = _number(x, y, z, masks, ranks)
     return ids
 
@@ -154,9 +156,8 @@ def _look_up_cells(
     for row in range(len(cells)):
         cell = cells[row]
         if cell >= 0:
-            ids[row] = _number(
-                cell // (size[1] * size[2]), cell // size[2] % size[1], cell % size[2], masks, ranks
-            )
+            x, y, z = cell // (size[1] * size[2]), cell // size[2] % size[1], cell % size[2]
+            ids[row] = _number(x, y, z, masks, ranks)
     return ids
 
 
@@ -166,15 +167,15 @@ def _number(x: int, y: int, z: int, masks: NDArray[np.uint64], ranks: NDArray[np
     mask = masks[x >> 2, y >> 2, z >> 2]
     bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
     if (mask >> bit) & np.uint64(1):
-        return int(
-            ranks[x >> 2, y >> 2, z >> 2] + _bits(mask & ((np.uint64(1) << bit) - np.uint64(1)))
-        )
+        before = mask & ((np.uint64(1) << bit) - np.uint64(1))
+        return int(ranks[x >> 2, y >> 2, z >> 2] + _bits(before))
     return -1
 
 
 @njit(cache=True, nogil=True)
 def _measure_gaps(masks: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Measure from every voxel how far the nearest occupied one is, diagonals counting one (Rosenfeld and Pfaltz)."""
+    """Measure how far from every voxel the nearest occupied one is (Rosenfeld and Pfaltz, 1966)."""
+    # none at occupied voxels
     num_x, num_y, num_z = 4 * masks.shape[0], 4 * masks.shape[1], 4 * masks.shape[2]
     gaps = np.full((num_x + 2, num_y + 2, num_z + 2), 255, np.uint8)
     for x in range(num_x):
@@ -183,6 +184,8 @@ def _measure_gaps(masks: NDArray[np.uint64]) -> NDArray[np.uint8]:
                 bit = np.uint64(((x & 3) << 4) | ((y & 3) << 2) | (z & 3))
                 if (masks[x >> 2, y >> 2, z >> 2] >> bit) & np.uint64(1):
                     gaps[x + 1, y + 1, z + 1] = 0
+
+    # there and back again, each time from the neighbours that are done; diagonals count one
     for x in range(1, num_x + 1):
         for y in range(1, num_y + 1):
             for z in range(1, num_z + 1):
@@ -216,12 +219,14 @@ def _choose(
     draws: NDArray[np.uint64],
     points: NDArray[np.int64],
 ) -> None:
-    """Let the point with the highest draw stand for its voxel (SplitMix64 of the seed and the point's place)."""
+    """Let the point with the highest draw stand for its voxel."""
     for row in range(len(ids)):
+        # SplitMix64 of the seed and the point's place
         draw = (np.uint64(first + row) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15) + seed
         draw = (draw ^ (draw >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         draw = (draw ^ (draw >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         draw ^= draw >> np.uint64(31)
+
         voxel = ids[row]
         if points[voxel] < 0 or draw > draws[voxel]:
             draws[voxel], points[voxel] = draw, first + row

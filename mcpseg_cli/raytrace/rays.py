@@ -32,14 +32,11 @@ class ScanPattern:
     reach: float = 5.0
 
     def directions(self) -> NDArray[np.float64]:
-        """Return the (R, 3) float64 unit directions of the rays, azimuth after azimuth from +x towards +y."""
-        azimuth = np.radians(np.arange(0.0, 360.0 - 1e-9, self.horizontal_deg))
-        elevation = np.radians(
-            np.arange(self.lowest_deg, self.highest_deg - 1e-9, self.vertical_deg)
-        )
-        azimuth, elevation = (
-            grid.ravel() for grid in np.meshgrid(azimuth, elevation, indexing="ij")
-        )
+        """Return the (R, 3) float64 unit directions, azimuth after azimuth from +x towards +y."""
+        turn = np.arange(0.0, 360.0 - 1e-9, self.horizontal_deg)
+        tilt = np.arange(self.lowest_deg, self.highest_deg - 1e-9, self.vertical_deg)
+        every = np.meshgrid(np.radians(turn), np.radians(tilt), indexing="ij")
+        azimuth, elevation = (grid.ravel() for grid in every)
         flat = np.cos(elevation)
         return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=1)
 
@@ -52,10 +49,10 @@ def cast_rays(
     pool: ThreadPoolExecutor | None = None,
     num_threads: int = 1,
 ) -> NDArray[np.int32]:
-    """Follow rays until they enter an occupied voxel; none on the way is left out (Amanatides and Woo, 1987).
+    """Follow rays until they enter an occupied voxel (Amanatides and Woo, 1987).
 
-    The voxel the rays start in does not stop them, so that a sensor may stand inside an occupied
-    one.
+    No voxel on the way is left out. The voxel the rays start in does not stop them: a sensor may
+    stand inside an occupied one.
 
     Args:
         grid: The building.
@@ -70,16 +67,16 @@ def cast_rays(
         (R,) int32 number of the voxel each ray ends in, -1 for none; the same for any number of
         threads.
     """
-    start = origin / grid.voxel_size + 0.5 - grid.low  # voxel v spans [v, v + 1) here
+    # lengths in voxels: voxel v spans [v, v + 1) here
+    start = origin / grid.voxel_size + 0.5 - grid.low
     longest = reach / grid.voxel_size
+
     cells = np.empty(len(directions), np.int64)
     if pool is None or num_threads == 1:
         _cast(start, directions, longest, grid.gaps, cells)
     else:
-        parts = zip(
-            np.array_split(directions, num_threads), np.array_split(cells, num_threads), strict=True
-        )
-        list(pool.map(lambda part: _cast(start, part[0], longest, grid.gaps, part[1]), parts))
+        rays, ends = (np.array_split(array, num_threads) for array in (directions, cells))
+        list(pool.map(lambda ray, end: _cast(start, ray, longest, grid.gaps, end), rays, ends))
     return grid.ids_of_cells(cells)
 
 
@@ -91,7 +88,7 @@ def visible_voxels(
     pool: ThreadPoolExecutor | None = None,
     num_threads: int = 1,
 ) -> NDArray[np.int32]:
-    """Return the (V,) int32 numbers of the voxels that ``cast_rays`` ends in, each once, in ascending order."""
+    """Return the (V,) int32 numbers of the voxels that ``cast_rays`` ends in, once, ascending."""
     hits = cast_rays(grid, origin, directions, reach, pool, num_threads)
     is_seen = np.zeros(len(grid) + 1, bool)  # the last is where -1 points
     is_seen[hits] = True
@@ -100,7 +97,7 @@ def visible_voxels(
 
 @njit(cache=True)
 def _face(place: float, cell: int, direction: float) -> float:
-    """Return how far along the ray it leaves ``cell`` across one axis, in voxels; infinite when it never does."""
+    """Return how far along a ray it leaves ``cell`` across one axis, in voxels; may be infinite."""
     if direction > 0.0:
         return (cell + 1 - place) / direction
     return (cell - place) / direction if direction < 0.0 else np.inf
@@ -114,10 +111,10 @@ def _cast(
     gaps: NDArray[np.uint8],
     hits: NDArray[np.int64],
 ) -> None:
-    """Walk every ray to the first voxel without gap: in leaps through free space, face by face near surfaces.
+    """Walk every ray to the first voxel without gap.
 
-    Lengths are in voxels and places from the grid's corner; ``hits`` gets the voxel's place in
-    ``gaps``, -1 for none.
+    Rays leap through free space and go face by face near surfaces. Lengths are in voxels and places
+    from the grid's corner; ``hits`` gets the voxel's place in ``gaps``, -1 for none.
     """
     flat = gaps.ravel()
     num_x, num_y, num_z = gaps.shape
@@ -127,6 +124,7 @@ def _cast(
         x, y, z = int(np.floor(start[0])), int(np.floor(start[1])), int(np.floor(start[2]))
         hits[ray], gap, reached, is_start = -1, 1, 0.0, True
         while reached <= longest:
+            # the ray ends in a voxel without gap, or where it leaves the grid for good
             if 0 <= x < num_x and 0 <= y < num_y and 0 <= z < num_z:
                 gap = int(flat[(x * num_y + y) * num_z + z])
                 if gap == 0 and not is_start:
@@ -141,12 +139,16 @@ def _cast(
             else:
                 gap = 1
             is_start = False
-            if gap > 1:  # all voxels up to gap - 1 away are empty
+
+            # a leap: all voxels up to gap - 1 away are empty
+            if gap > 1:
                 reached += (gap - 1) / fastest
                 x = int(np.floor(start[0] + reached * toward_x))
                 y = int(np.floor(start[1] + reached * toward_y))
                 z = int(np.floor(start[2] + reached * toward_z))
                 continue
+
+            # a step: across the nearest face
             to_x = _face(start[0], x, toward_x)
             to_y = _face(start[1], y, toward_y)
             to_z = _face(start[2], z, toward_z)

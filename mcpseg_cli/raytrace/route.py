@@ -1,4 +1,4 @@
-"""The route of the robot: which waypoints it visits in what order, the way between them and where it scans."""
+"""The route of the robot: waypoints in order, the way between them and where it scans."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.raytrace.floor_plan import FloorPlan
 
-# orders that 2-opt improves: nearest neighbour after nearest neighbour from so many waypoints
-_STARTS = 30
+_STARTS = 30  # waypoints that orders for 2-opt to improve start from
 _TINY = 1e-9  # metres; keeps rounding from adding or losing a scan
 
 
@@ -77,25 +76,20 @@ def read_waypoints(path: Path) -> NDArray[np.float64]:
         is_header = not waypoints and [field.lower() for field in fields[:2]] == ["x", "y"]
         if not fields or is_header:
             continue
+
+        # two finite numbers, whatever follows them
         try:
             x, y = (float(field) for field in fields[:2])
         except ValueError:
             x = y = np.nan
         if not np.isfinite([x, y]).all():
-            raise InputError(
-                f"{path}, line {number}",
-                f"{line.strip()[:40]!r}",
-                "x and y in metres",
-                "correct the line",
-            )
+            source, found = f"{path}, line {number}", f"{line.strip()[:40]!r}"
+            raise InputError(source, found, "x and y in metres", "correct the line")
         waypoints.append((x, y))
+
     if not waypoints:
-        raise InputError(
-            path,
-            "no waypoints",
-            "a line 'x y' in metres for each",
-            "add some or leave the file out",
-        )
+        expected, remedy = "a line 'x y' in metres for each", "add some or leave the file out"
+        raise InputError(path, "no waypoints", expected, remedy)
     return np.array(waypoints, np.float64)
 
 
@@ -119,6 +113,7 @@ def plan_route(
     Returns:
         The route; empty when no waypoint is in free space.
     """
+    # one drive in each region that has waypoints, past each cell once
     region = plan.region_at(waypoints)
     cells = plan.cell_of(waypoints)
     segments, orders = [], []
@@ -129,8 +124,11 @@ def plan_route(
         order, path = _drive(plan, int(number), places[first])
         orders.append(plan.centre_of(order))
         segments.append(plan.centre_of(path))
+
+    # a scan every step
     poses = [_scans(plan, path, step, sensor_height) for path in segments]
     every_pose = np.concatenate([np.empty((0, 4, 4)), *poses])
+
     return Route(
         positions=every_pose[:, :3, 3],
         poses=every_pose,
@@ -146,15 +144,18 @@ def plan_route(
 def _drive(
     plan: FloorPlan, region: int, cells: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the cells (W, 2) of one region in visiting order, and the corners (P, 2) of the way past them."""
+    """Return the cells (W, 2) in visiting order, and the corners (P, 2) of the way past them."""
+    # how far each waypoint is from each other
     inside = np.argwhere(plan.region == region)
     index = np.full(plan.region.shape, -1)
     index[tuple(inside.T)] = np.arange(len(inside))
     graph = _graph(index, len(inside))
     nodes = index[tuple(cells.T)]
     distance = np.stack([dijkstra(graph, indices=node)[nodes] for node in nodes])
+
     order = visiting_order((distance + distance.T) / 2)  # rounding must not make it asymmetric
 
+    # the shortest way from waypoint to waypoint, found backwards
     steps = [nodes[order[:1]]]
     for here, there in pairwise(order):
         limit = distance[here, there] + 0.5
@@ -163,6 +164,8 @@ def _drive(
         while way[-1] != nodes[here]:
             way.append(previous[way[-1]])
         steps.append(np.array(way[-2::-1], dtype=np.int64))
+
+    # only its corners
     path = inside[np.concatenate(steps)]
     moves = np.diff(path, axis=0)
     turns = np.flatnonzero((moves[1:] != moves[:-1]).any(axis=1)) + 1
@@ -171,20 +174,21 @@ def _drive(
 
 
 def _graph(index: NDArray[np.int64], count: int) -> csr_array:
-    """Return the moves, in cells, from node to node; diagonal ones where both cells beside the move are free."""
+    """Return the moves, in cells, from node to node."""
     starts, ends, lengths = [], [], []
     padded = np.pad(index, 1, constant_values=-1)
     nodes = np.argwhere(padded >= 0)
     for move in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        # a diagonal one only where both cells beside it are free: no corner is cut
         target = padded[tuple((nodes + move).T)]
-        beside = (
-            padded[nodes[:, 0] + move[0], nodes[:, 1]],
-            padded[nodes[:, 0], nodes[:, 1] + move[1]],
-        )
-        possible = (target >= 0) & (beside[0] >= 0) & (beside[1] >= 0)
+        beside_x = padded[nodes[:, 0] + move[0], nodes[:, 1]]
+        beside_y = padded[nodes[:, 0], nodes[:, 1] + move[1]]
+        possible = (target >= 0) & (beside_x >= 0) & (beside_y >= 0)
         starts.append(np.flatnonzero(possible))
         ends.append(target[possible])
         lengths.append(np.full(len(ends[-1]), np.hypot(*move)))
+
+    # there and back
     start, end, length = np.concatenate(starts), np.concatenate(ends), np.concatenate(lengths)
     both = (np.concatenate([start, end]), np.concatenate([end, start]))
     return coo_array((np.tile(length, 2), both), shape=(count, count)).tocsr()
@@ -201,9 +205,8 @@ def visiting_order(distance: NDArray[np.float64]) -> NDArray[np.int64]:
         place.
     """
     best, shortest = np.arange(len(distance)), np.inf
-    for start in np.unique(
-        np.linspace(0, len(distance) - 1, min(len(distance), _STARTS)).astype(int)
-    ):
+    starts = np.linspace(0, len(distance) - 1, min(len(distance), _STARTS)).astype(int)
+    for start in np.unique(starts):
         order = _nearest_neighbours(distance, start)
         _two_opt(distance, order)
         length = distance[order[:-1], order[1:]].sum()
@@ -222,11 +225,12 @@ def _nearest_neighbours(distance: NDArray[np.float64], start: int) -> NDArray[np
     for place in range(count):
         order[place] = here
         is_visited[here] = True
+
         nearest = -1
         for there in range(count):
-            if not is_visited[there] and (
-                nearest < 0 or distance[here, there] < distance[here, nearest]
-            ):
+            if is_visited[there]:
+                continue
+            if nearest < 0 or distance[here, there] < distance[here, nearest]:
                 nearest = there
         here = nearest
     return order
@@ -241,6 +245,7 @@ def _two_opt(distance: NDArray[np.float64], order: NDArray[np.int64]) -> None:
         has_improved = False
         for first in range(count - 1):
             for last in range(first + 1, count):
+                # only the two moves at its ends change
                 gain = 0.0
                 if first > 0:
                     before = order[first - 1]
@@ -248,6 +253,7 @@ def _two_opt(distance: NDArray[np.float64], order: NDArray[np.int64]) -> None:
                 if last < count - 1:
                     after = order[last + 1]
                     gain += distance[order[last], after] - distance[order[first], after]
+
                 if gain > _TINY:
                     order[first : last + 1] = order[first : last + 1][::-1].copy()
                     has_improved = True
@@ -257,17 +263,21 @@ def _scans(
     plan: FloorPlan, path: NDArray[np.float64], step: float, sensor_height: float
 ) -> NDArray[np.float64]:
     """Return the (S, 4, 4) poses every ``step`` metres along a polyline (P, 2)."""
+    # on which move each scan is
     moves = np.diff(path, axis=0, append=path[-1:])
     arrival = np.concatenate([[0.0], np.cumsum(np.linalg.norm(moves[:-1], axis=1))])
     along = step * np.arange(int(arrival[-1] / step + _TINY) + 1)
-    place = np.clip(
-        np.searchsorted(arrival, along + _TINY, side="right") - 1, 0, max(0, len(path) - 2)
-    )
+    place = np.searchsorted(arrival, along + _TINY, side="right") - 1
+    place = np.clip(place, 0, max(0, len(path) - 2))
+
+    # turned to where the robot drives
     yaw = np.arctan2(moves[place, 1], moves[place, 0])
     poses = np.tile(np.eye(4), (len(along), 1, 1))
     poses[:, 0, 0] = poses[:, 1, 1] = np.cos(yaw)
     poses[:, 1, 0] = np.sin(yaw)
     poses[:, 0, 1] = -np.sin(yaw)
+
+    # on its way, over its floor
     for axis in (0, 1):
         poses[:, axis, 3] = np.interp(along, arrival, path[:, axis])
     poses[:, 2, 3] = plan.floor_at(poses[:, :2, 3]) + sensor_height

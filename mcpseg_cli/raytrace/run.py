@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +15,29 @@ from mcpseg_cli import __version__
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, PARTIAL, write_cloud
-from mcpseg_cli.formats.poses import PoseTable, read_poses
-from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.formats import CLOUD_SUFFIXES, write_cloud
+from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.raytrace.drive import Progress, Waypoints, plan_drive
+from mcpseg_cli.raytrace.record import (
+    BEGUN,
+    RECORD,
+    REPORTED,
+    BegunRecord,
+    FinishedRecord,
+    ObjectRecord,
+    RaytraceReport,
+    RouteRecord,
+    RunRecord,
+    read_record,
+    record_text,
+)
+from mcpseg_cli.raytrace.route_plot import plot_route
+from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table, rounded_places, scan_name
+from mcpseg_cli.resumable import check_same, remove_leftovers, write_whole
 
 _FORMAT = 1  # of the folder; another number is another run
-_IDENTITY = ("format", "building", "settings", "suffix", "waypoints")
+_FEW_POINTS = 4.0  # a voxel; with fewer, a surface has voxels without any
+_NAMES = {"format": "version of the folder", "building": "building", "suffix": "--format"}
 
 
 @dataclass(frozen=True)
@@ -33,13 +48,13 @@ class RaytraceRequest:
         source: What the building is called in the record.
         settings: Scanner and route.
         suffix: Ending of the cloud files.
-        waypoints: Where the waypoints come from and what they are, or ``"automatic"``.
+        waypoints: Where the robot is to go.
     """
 
     source: str
     settings: RaytraceSettings
     suffix: str
-    waypoints: str
+    waypoints: Waypoints
 
 
 @dataclass(frozen=True)
@@ -51,17 +66,27 @@ class WrittenScan:
 
 
 class RaytraceRun:
-    """The scans of one building in one folder, which the caller holds against other processes (``lock.exclusive``).
+    """The scans of one building in one folder: ``plan`` first, then ``run``.
+
+    The caller holds the folder against other processes (``resumable.exclusive``).
+
+    Attributes:
+        folder: Where the run is.
+        request: What to do.
+        record: ``raytrace.json``; None where there is none yet.
+        positions: (S, 3) float64 places to scan from, metres, map frame; None until planned.
+        scanner: The building and what scans it.
 
     Args:
         folder: Where ``scans/``, ``gt/``, ``poses.csv`` and ``raytrace.json`` go.
         building: At least one point.
         request: What to do.
-        overwrite: Replace an earlier run; it is deleted when ``start`` is called, not before.
+        overwrite: Replace an earlier run; it is deleted when the new one is planned, not before.
 
     Raises:
         InputError: The building is too large for the voxel size.
-        OutputError: The folder holds another run, or files that no run made.
+        StateError: The folder holds the scans of another request.
+        OutputError: It holds files that no run made.
     """
 
     def __init__(
@@ -74,28 +99,77 @@ class RaytraceRun:
             "building": building_hash(building),
             "settings": request.settings.model_dump(),
             "suffix": request.suffix,
-            "waypoints": request.waypoints,
+            "waypoints": request.waypoints.identity,
         }
-        self.record = _read_record(folder)
-        _check_folder(folder, self.record, None if overwrite else self._identity)
-        self.poses = (
-            None if overwrite or self.record is None else _read_own_poses(folder, self.record)
-        )
+
+        # what an earlier call has left, if it was the same request
+        self.record = read_record(folder)
+        earlier = None if self.record is None else self.record.identity()
+        _check_folder(folder, earlier, None if overwrite else self._identity)
+        self.positions: NDArray[np.float64] | None = None
+        if self.record is not None and not overwrite:
+            self.positions = _read_own_positions(folder, self.record.poses)
+
         self.scanner = VirtualScanner(building, request.settings)
         self._seen = np.zeros(len(self.scanner.grid), bool)
 
     @property
+    def num_scans(self) -> int:
+        """Scans of the whole run; 0 until planned."""
+        return 0 if self.positions is None else len(self.positions)
+
+    @property
     def is_complete(self) -> bool:
         """True when an earlier call made every scan, and all are still there."""
-        if self.record is None or not self.record.get("complete") or self.poses is None:
+        if not isinstance(self.record, FinishedRecord) or self.positions is None:
             return False
-        return all(self._is_there(name) for name in self.poses.scans or ())
+        return all(self._is_there(number) for number in range(self.num_scans))
 
-    def start(self, poses: NDArray[np.float64], route: dict[str, object]) -> None:
-        """Record where to scan from; needed unless the folder says it already. Places that see nothing are left out.
+    def plan(
+        self,
+        *,
+        threads: int = 1,
+        picture: Path | None = None,
+        progress: Progress | None = None,
+        notify: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        """Plan where to scan from, unless an earlier call did.
 
         Args:
-            poses: (S, 4, 4) float64, sensor to map, turned about z only.
+            threads: Threads to look around with.
+            picture: PNG file of floor plan and route, which are planned again for it.
+            progress: Called with how many of how many places have been looked from.
+            notify: Called with each line that the user should know.
+
+        Raises:
+            InputError: No floor to stand on, or no waypoint on it.
+            OutputError: Nothing is seen from anywhere; no matplotlib for the picture.
+            OSError: The folder or the picture cannot be written.
+        """
+        share = len(self.scanner.building) / len(self.scanner.grid)
+        if share < _FEW_POINTS:
+            remedy = f"give a --voxel-size above {self.request.settings.voxel_size:g}"
+            notify(f"only {share:.1f} points a voxel: rays may pass through walls; {remedy}")
+        if self.positions is not None and picture is None:
+            return
+
+        # floor plan, waypoints, route
+        drive = plan_drive(self.scanner, self.request.waypoints, threads=threads, progress=progress)
+        for line in drive.notices():
+            notify(line)
+
+        # the picture first: without it nothing is begun
+        if picture is not None:
+            plot_route(picture, drive.plan, drive.route, self.scanner.building)
+        if self.positions is None:
+            self.start(drive.route.poses, drive.record())
+
+    def start(self, poses: NDArray[np.float64], route: RouteRecord) -> None:
+        """Record where to scan from, replacing an earlier run.
+
+        Args:
+            poses: (S, 4, 4) float64, sensor to map, turned about z only; those that see nothing are
+                left out.
             route: What to record about the route.
 
         Raises:
@@ -107,25 +181,28 @@ class RaytraceRun:
             raise OutputError(
                 f"{self.folder}: nothing can be seen; expected another --range, --height or --v-min"
             )
+
+        # an earlier run goes when there is something to replace it with
         _clear(self.folder, self.record)
         for name in ("scans", "gt"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
+
+        # the record comes first: without it no file is taken for ours
         text = poses_table(poses[sees])
-        self.record = {
-            "mcpseg": __version__,
-            "source": self.request.source,
-            **self._identity,
-            "route": route,
-        }
         self._write_record(
-            {
-                "blind_positions": int((~sees).sum()),
-                "poses": _hash(text.encode()),
-                "complete": False,
-            }
+            BegunRecord.model_validate(
+                {
+                    "mcpseg": __version__,
+                    "source": self.request.source,
+                    **self._identity,
+                    "route": route,
+                    "blind_positions": int((~sees).sum()),
+                    "poses": _hash(text.encode()),
+                }
+            )
         )
         write_whole(self.folder / "poses.csv", text)
-        self.poses = read_poses(self.folder / "poses.csv")
+        self.positions = rounded_places(poses[sees])
 
     def run(self, jobs: int) -> Iterator[WrittenScan]:
         """Make the scans that are missing, several at once.
@@ -139,73 +216,87 @@ class RaytraceRun:
         Raises:
             OSError: The disk is full or the folder not writable; finished scans are kept.
         """
-        assert self.poses is not None
+        # what a killed call was writing
+        assert self.positions is not None, "plan first"
         for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
-            for leftover in folder.glob(f".*{PARTIAL}.*"):
-                leftover.unlink(missing_ok=True)
-        names = self.poses.scans or ()
+            remove_leftovers(folder)
+
+        # a few scans ahead, not the whole building
         num_points = 0
+        numbers, ahead = range(self.num_scans), 8 * jobs
         with ThreadPoolExecutor(jobs) as pool:
-            for start in range(0, len(names), 8 * jobs):  # a few ahead, not the whole building
-                few = slice(start, start + 8 * jobs)
-                for scan, voxels in pool.map(self._make, names[few], self.poses.poses[few, :3, 3]):
+            for start in range(0, len(numbers), ahead):
+                for scan, voxels in pool.map(self._make, numbers[start : start + ahead]):
                     self._seen[voxels] = True
                     num_points += scan.num_points
                     yield scan
         self._finish(num_points)
 
-    def _files(self, name: str) -> list[Path]:
-        """Return the files of one scan in the order of writing: a scan is never without its truth."""
-        return [self.folder / part / f"{name}{self.request.suffix}" for part in ("gt", "scans")]
+    def report(self, seconds: float, peak_memory_mb: float) -> RaytraceReport:
+        """Say what a finished run made, in how much time and memory."""
+        building, record = self.scanner.building, self.record
+        assert isinstance(record, FinishedRecord), "not all scans are made"
+        objects = len(building.object_names) or int((np.unique(building.instance) > 0).sum())
+        return RaytraceReport(
+            **record.model_dump(include=REPORTED),
+            building_points=len(building),
+            objects=objects,
+            output=str(self.folder),
+            seconds=round(seconds, 2),
+            peak_memory_mb=round(peak_memory_mb, 1),
+        )
 
-    def _is_there(self, name: str) -> bool:
+    def _files(self, number: int) -> list[Path]:
+        """Return the files of a scan in the order of writing: a scan is never without its truth."""
+        name = f"{scan_name(number)}{self.request.suffix}"
+        return [self.folder / part / name for part in ("gt", "scans")]
+
+    def _is_there(self, number: int) -> bool:
         """Tell whether a scan has been written; a power cut may leave files without content."""
-        return all(path.is_file() and path.stat().st_size > 0 for path in self._files(name))
+        return all(path.is_file() and path.stat().st_size > 0 for path in self._files(number))
 
-    def _make(
-        self, name: str, position: NDArray[np.float64]
-    ) -> tuple[WrittenScan, NDArray[np.int32]]:
-        """Scan from one place and write what is not there yet."""
-        scan = self.scanner.scan(int(name), position)
-        if not self._is_there(name):
-            for path, cloud in zip(
-                self._files(name), reversed(self.scanner.clouds(scan)), strict=True
-            ):
+    def _make(self, number: int) -> tuple[WrittenScan, NDArray[np.int32]]:
+        """Make one scan and write what is not there yet."""
+        assert self.positions is not None
+        scan = self.scanner.scan(number, self.positions[number])
+        if not self._is_there(number):
+            clouds = reversed(self.scanner.clouds(scan))
+            for path, cloud in zip(self._files(number), clouds, strict=True):
                 write_cloud(path, cloud)
-        return WrittenScan(name, len(scan.points)), scan.voxels
+        return WrittenScan(scan_name(number), len(scan.points)), scan.voxels
 
     def _finish(self, num_points: int) -> None:
         """Record the run as complete, with what was seen."""
-        assert self.poses is not None
+        assert self.record is not None
         building, grid = self.scanner.building, self.scanner.grid
+
+        # classes and objects of the voxels that were seen
         seen = grid.points[self._seen]
-        per_class = np.bincount(building.semantic[seen], minlength=256)
+        per_class = np.bincount(building.semantic[seen], minlength=256).tolist()
         ids, counts = np.unique(building.instance[seen], return_counts=True)
         per_object = dict(zip(ids.tolist(), counts.tolist(), strict=True))
+
         self._write_record(
-            {
-                "complete": True,
-                "classes": list(building.classes),
-                "scans": len(self.poses),
-                "points": num_points,
-                "voxels": len(grid),
-                "voxels_seen": len(seen),
-                "voxels_seen_by_class": {
-                    name: int(per_class[index]) for index, name in enumerate(building.classes)
-                },
-                "objects_seen": int((ids > 0).sum()),
-                "objects": [
-                    {"id": number, "name": name, "voxels_seen": per_object.get(number, 0)}
+            FinishedRecord(
+                **self.record.model_dump(include=BEGUN),
+                classes=list(building.classes),
+                scans=self.num_scans,
+                points=num_points,
+                voxels=len(grid),
+                voxels_seen=len(seen),
+                voxels_seen_by_class=dict(zip(building.classes, per_class, strict=False)),
+                objects_seen=int((ids > 0).sum()),
+                objects=[
+                    ObjectRecord(id=number, name=name, voxels_seen=per_object.get(number, 0))
                     for number, name in enumerate(building.object_names, start=1)
                 ],
-            }
+            )
         )
 
-    def _write_record(self, facts: dict[str, object]) -> None:
+    def _write_record(self, record: RunRecord) -> None:
         """Write raytrace.json."""
-        assert self.record is not None
-        self.record |= facts
-        write_whole(self.folder / "raytrace.json", json.dumps(self.record, indent=1) + "\n")
+        self.record = record
+        write_whole(self.folder / RECORD, record_text(record))
 
 
 def building_hash(building: Building) -> str:
@@ -224,36 +315,18 @@ def _hash(*parts: bytes | memoryview) -> str:
     return digest.hexdigest()
 
 
-def _read_record(folder: Path) -> dict[str, object] | None:
-    """Read raytrace.json, written before anything else; None where there is none."""
-    path = folder / "raytrace.json"
-    if not path.is_file():
-        return None
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError):
-        record = None
-    if not isinstance(record, dict) or any(
-        key not in record for key in (*_IDENTITY, "route", "poses", "complete")
-    ):
-        raise OutputError(
-            f"{path}: not the record of a run; expected one; choose another -o, or move it away"
-        )
-    return record
-
-
-def _read_own_poses(folder: Path, record: dict[str, object]) -> PoseTable | None:
-    """Read poses.csv if it is what the run wrote; None asks for it to be planned anew."""
+def _read_own_positions(folder: Path, poses: str) -> NDArray[np.float64] | None:
+    """Read the places from poses.csv if it has this hash; None asks for it to be planned anew."""
     path = folder / "poses.csv"
-    return (
-        read_poses(path) if path.is_file() and _hash(path.read_bytes()) == record["poses"] else None
-    )
+    if not path.is_file() or _hash(path.read_bytes()) != poses:
+        return None
+    return read_poses(path).poses[:, :3, 3]
 
 
 def _check_folder(
     folder: Path, record: dict[str, object] | None, identity: dict[str, object] | None
 ) -> None:
-    """Refuse a folder that holds clouds that no run made, or another run unless there is nothing to compare it with."""
+    """Refuse a folder with clouds that no run made, or another run unless it is replaced."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file; expected a folder; choose another -o")
     if record is None:
@@ -261,44 +334,23 @@ def _check_folder(
         present += [f"clouds in {name}/" for name in ("scans", "gt") if _clouds(folder / name)]
         if present:
             raise OutputError(
-                f"{folder}: has {', '.join(present)} but no raytrace.json; expected an empty folder or a run; "
-                "choose another -o, or move them away"
+                f"{folder}: has {', '.join(present)} but no {RECORD}; "
+                "expected an empty folder or a run; choose another -o, or move them away"
             )
         return
-    changed = [key for key in _IDENTITY if identity is not None and record[key] != identity[key]]
-    if identity is not None and changed:
-        raise OutputError(
-            f"{folder}: holds scans made with another {', '.join(_differences(record, identity, changed))}; "
-            "expected the same; choose another -o or give --overwrite"
-        )
+    if identity is not None:
+        remedy = "choose another -o or give --overwrite"
+        check_same(folder / RECORD, record, identity, remedy=remedy, names=_NAMES)
 
 
-def _differences(
-    record: dict[str, object], identity: dict[str, object], changed: list[str]
-) -> list[str]:
-    """Name what differs, settings one by one."""
-    names = []
-    for key in changed:
-        before, now = record[key], identity[key]
-        if key == "settings" and isinstance(before, dict) and isinstance(now, dict):
-            names += [
-                f"{name} ({before.get(name)}, not {now[name]})"
-                for name in now
-                if before.get(name) != now[name]
-            ]
-        else:
-            names.append(key)
-    return names
-
-
-def _clear(folder: Path, record: dict[str, object] | None) -> None:
+def _clear(folder: Path, record: RunRecord | None) -> None:
     """Delete the files of a run, and only those: nothing without its record."""
     if record is None:
         return
     for path in [path for name in ("scans", "gt") for path in _clouds(folder / name)]:
-        if path.stem.isdigit() and path.suffix == record["suffix"]:
+        if path.stem.isdigit() and path.suffix == record.suffix:
             path.unlink()
-    for name in ("poses.csv", "raytrace.json"):
+    for name in ("poses.csv", RECORD):
         (folder / name).unlink(missing_ok=True)
 
 

@@ -14,6 +14,7 @@ from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
 from mcpseg_cli.raytrace.rays import ScanPattern, cast_rays, visible_voxels
 
 POSE_COLUMNS = "scan,x,y,z,qx,qy,qz,qw"
+_DECIMALS = 6  # of a position in metres
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,15 @@ class VirtualScanner:
         if self.settings.dropout == self.settings.noise == 0.0:
             points = self.grid.points[voxels]
             return VirtualScan(voxels, points, self.building.xyz[points])
+
+        # some points are lost, but never all
         rng = np.random.default_rng((self.settings.seed, number))
         kept = rng.random(len(voxels)) >= self.settings.dropout
         kept[:1] |= not kept.any()  # a scan without a point is no scan
         voxels = voxels[kept]
         points = self.grid.points[voxels]
+
+        # the others move along their rays
         ray = self.building.xyz[points] - position
         distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-6)
         offset = ray / distance * rng.normal(0.0, self.settings.noise, (len(points), 1))
@@ -84,12 +89,15 @@ class VirtualScanner:
         )
 
     def clouds(self, scan: VirtualScan) -> tuple[Cloud, Cloud]:
-        """Return a scan as two clouds of the same points: ``x y z red green blue``, and with the truth about them."""
+        """Return a scan as two clouds: ``x y z red green blue``, and with the truth about them."""
+        # what the sensor gives
         columns: dict[str, NDArray[np.generic]] = {
             axis: scan.xyz[:, column] for column, axis in enumerate("xyz")
         }
         rgb = self.building.rgb[scan.points]
         columns |= {name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))}
+
+        # what is known of the same points
         truth: dict[str, NDArray[np.generic]] = {
             "semantic": self.building.semantic[scan.points],
             "instance": self.building.instance[scan.points],
@@ -99,22 +107,35 @@ class VirtualScanner:
 
 def pattern_of(settings: RaytraceSettings) -> ScanPattern:
     """Return the directions and reach that settings describe."""
-    return ScanPattern(
-        settings.horizontal_deg,
-        settings.vertical_deg,
-        settings.lowest_deg,
-        settings.highest_deg,
-        settings.reach,
-    )
+    resolution = settings.horizontal_deg, settings.vertical_deg
+    elevations = settings.lowest_deg, settings.highest_deg
+    return ScanPattern(*resolution, *elevations, settings.reach)
+
+
+def scan_name(number: int) -> str:
+    """Return what the files and the pose of a scan are called."""
+    return f"{number:06d}"
 
 
 def poses_table(poses: NDArray[np.float64]) -> str:
-    """Write poses, (S, 4, 4) float64 turned about z only, as the text of ``poses.csv``; scans are called by number."""
+    """Write the text of ``poses.csv``.
+
+    Args:
+        poses: (S, 4, 4) float64, metres, turned about z only; their scans are called by number.
+    """
     yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
     rows = [POSE_COLUMNS]
     for number, (pose, angle) in enumerate(zip(poses, yaw.tolist(), strict=True)):
-        x, y, z = pose[:3, 3].tolist()
-        rows.append(
-            f"{number:06d},{x:.6f},{y:.6f},{z:.6f},0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
-        )
+        x, y, z = (f"{value:.{_DECIMALS}f}" for value in pose[:3, 3].tolist())
+        turn = f"0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
+        rows.append(f"{scan_name(number)},{x},{y},{z},{turn}")
     return "\n".join(rows) + "\n"
+
+
+def rounded_places(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (S, 3) float64 places of poses as ``poses_table`` writes them, to the micrometre.
+
+    Whether a run is continued or not, its scans are taken from the same places.
+    """
+    places = [[round(value, _DECIMALS) for value in place] for place in poses[:, :3, 3].tolist()]
+    return np.array(places, np.float64).reshape(-1, 3)

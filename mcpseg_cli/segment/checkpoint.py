@@ -1,4 +1,4 @@
-"""The durable checkpoint: one SQLite database, one transaction per scan. What it holds is the truth of a run.
+"""The durable checkpoint: one SQLite database, one transaction a scan: the truth of a run.
 
 A voxel is written once, with the scan that first saw it; merges are a log. So a transaction is as
 large as the scan's changes, and the labels of any earlier moment can be rebuilt.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -20,21 +20,25 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.incremental.clustering import resolve
 from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
-from mcpseg_cli.segment.scan_record import ScanRecord
+from mcpseg_cli.segment.events import event_text, parse_event
+from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
 
 SCHEMA_VERSION = 1
 _APPLICATION_ID = 0x6D637073  # "mcps"
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB
+_NOT_WRITABLE = ("full", "I/O", "readonly", "unable to open")  # in SQLite's words
 _SCHEMA = """
 CREATE TABLE configuration (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE scans (
-    number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, size INTEGER NOT NULL, mtime_ns INTEGER NOT NULL,
-    sha256 TEXT NOT NULL, pose BLOB NOT NULL, num_points INTEGER NOT NULL, num_voxels INTEGER NOT NULL, floor REAL,
-    error TEXT, event TEXT NOT NULL, output_size INTEGER NOT NULL, num_merges INTEGER NOT NULL);
+    number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE,
+    size INTEGER NOT NULL, mtime_ns INTEGER NOT NULL, sha256 TEXT NOT NULL, pose BLOB NOT NULL,
+    num_points INTEGER NOT NULL, num_voxels INTEGER NOT NULL, floor REAL, error TEXT,
+    event TEXT NOT NULL, output_size INTEGER NOT NULL, num_merges INTEGER NOT NULL);
 CREATE TABLE merges (scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE voxels (
-    first_id INTEGER PRIMARY KEY, count INTEGER NOT NULL, xyz BLOB NOT NULL, rgb BLOB NOT NULL, semantic BLOB NOT NULL,
-    confidence BLOB NOT NULL, instance BLOB NOT NULL, embedding BLOB NOT NULL, crc INTEGER NOT NULL);
+    first_id INTEGER PRIMARY KEY, count INTEGER NOT NULL, xyz BLOB NOT NULL, rgb BLOB NOT NULL,
+    semantic BLOB NOT NULL, confidence BLOB NOT NULL, instance BLOB NOT NULL,
+    embedding BLOB NOT NULL, crc INTEGER NOT NULL);
 """
 
 
@@ -43,14 +47,15 @@ class State:
 
     Args:
         path: The database; made if not there.
+        original: What it is a copy of; errors name that.
 
     Raises:
         StateError: In use, damaged, not a checkpoint, or of another version.
         OutputError: It cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, original: Path | None = None) -> None:
+        self.path = original or path
         with self._explained():
             self._db = sqlite3.connect(path, timeout=0, isolation_level=None)
         try:
@@ -72,7 +77,7 @@ class State:
         self.close()
 
     def close(self) -> None:
-        """Release the lock; a failed checkpoint of the write-ahead log loses nothing, the log stays."""
+        """Release the lock; should the log not get into the database, it stays beside it."""
         self._db.close()
 
     def configuration(self) -> dict[str, object] | None:
@@ -86,7 +91,7 @@ class State:
         except (ValueError, TypeError) as error:
             raise self._damaged("configuration") from error
 
-    def set_configuration(self, configuration: dict[str, object]) -> None:
+    def set_configuration(self, configuration: Mapping[str, object]) -> None:
         """Write down the configuration of a new run."""
         rows = [(key, json.dumps(value, sort_keys=True)) for key, value in configuration.items()]
         with self._transaction():
@@ -109,10 +114,11 @@ class State:
         self._num_scans += 1
 
     def commit_all(self, scans: Sequence[tuple[ScanRecord, MapRows]]) -> None:
-        """Add scans that were labelled together, each with its new voxels: all of them or, if anything fails, none.
+        """Add scans that were labelled together: all of them or, if anything fails, none.
 
         Args:
-            scans: As for ``commit``, in order; labels are final, there are no merges.
+            scans: In order, each with its new voxels, as for ``commit``; labels are final, there
+                are no merges.
 
         Raises:
             OutputError: The disk is full or the file cannot grow.
@@ -127,22 +133,21 @@ class State:
         self, number: int, record: ScanRecord, rows: MapRows, merges: NDArray[np.int32]
     ) -> None:
         """Add a scan within a transaction."""
+        file = record.file
         identity = (
-            number,
-            record.name,
-            record.size,
-            record.mtime_ns,
-            record.sha256,
-            record.pose.tobytes(),
-        )
-        outcome = (record.num_points, record.num_voxels, record.floor, record.error, record.event)
+            number, record.name, file.size, file.mtime_ns, file.sha256, record.pose.tobytes()
+        )  # fmt: skip
+        event = event_text(record.event)
+        outcome = (record.num_points, record.num_voxels, record.floor, record.error, event)
         sizes = (record.output_size, len(merges))
         self._db.execute(f"INSERT INTO scans VALUES ({_holes(13)})", identity + outcome + sizes)
+
         if len(merges):
             pairs = merges.astype("<i4").tobytes()
-            self._db.execute(
-                "INSERT INTO merges VALUES (?, ?, ?)", (number, pairs, zlib.crc32(pairs))
-            )
+            values: tuple[object, ...] = (number, pairs, zlib.crc32(pairs))
+            self._db.execute(f"INSERT INTO merges VALUES ({_holes(3)})", values)
+
+        # new voxels, in blobs that SQLite can hold
         for start in range(0, len(rows), _PART_ROWS):
             parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in COLUMNS]
             first_id = record.num_voxels - len(rows) + start
@@ -158,8 +163,21 @@ class State:
         for expected, (number, name, size, mtime_ns, sha256, pose, *outcome) in enumerate(rows):
             if number != expected or not isinstance(pose, bytes) or len(pose) != 16 * 8:
                 raise self._damaged(f"scan {expected:,}")
+
+            # what became of it
+            num_points, num_voxels, floor, error, text, output_size, _ = outcome
+            try:
+                event = parse_event(text)
+            except (ValueError, TypeError) as problem:
+                raise self._damaged(f"event of scan {expected:,}") from problem
+
+            file = Fingerprint(size, mtime_ns, sha256)
             matrix = np.frombuffer(pose, np.float64).reshape(4, 4)
-            records.append(ScanRecord(name, size, mtime_ns, sha256, matrix, *outcome[:-1]))
+            records.append(
+                ScanRecord(
+                    name, file, matrix, num_points, num_voxels, floor, error, event, output_size
+                )
+            )
         return records
 
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
@@ -176,13 +194,12 @@ class State:
             (count,) = self._db.execute(
                 "SELECT total(num_merges) FROM scans WHERE number <= ?", (last,)
             ).fetchone()
+
+        # every scan's must be whole, and all of them there
         if any(not isinstance(pairs, bytes) or zlib.crc32(pairs) != crc for pairs, crc in rows):
             raise self._damaged("merges")
-        merges = (
-            np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4")
-            .reshape(-1, 2)
-            .astype(np.int32)
-        )
+        joined = np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4")
+        merges = joined.reshape(-1, 2).astype(np.int32)
         if len(merges) != count:
             raise self._damaged("merges")
         return merges
@@ -195,23 +212,22 @@ class State:
         """
         expected = 0
         with self._explained():
-            names = ", ".join(COLUMNS)
             for first_id, count, *blobs, crc in self._db.execute(
-                f"SELECT first_id, count, {names}, crc FROM voxels ORDER BY first_id"
+                f"SELECT first_id, count, {', '.join(COLUMNS)}, crc FROM voxels ORDER BY first_id"
             ):
-                if (
-                    first_id != expected
-                    or not all(isinstance(blob, bytes) for blob in blobs)
-                    or _checksum(blobs) != crc
-                ):
+                is_whole = all(isinstance(blob, bytes) for blob in blobs)
+                if first_id != expected or not is_whole or _checksum(blobs) != crc:
                     raise self._damaged(f"voxels from {expected:,}")
                 expected += count
+                columns = zip(blobs, COLUMNS.values(), strict=True)
                 yield MapRows(
                     *(
                         np.frombuffer(blob, dtype).reshape(count, *shape)
-                        for blob, (dtype, shape) in zip(blobs, COLUMNS.values(), strict=True)
+                        for blob, (dtype, shape) in columns
                     )
                 )
+
+            # the last scan knows how many there must be
             last = self._db.execute(
                 "SELECT num_voxels FROM scans ORDER BY number DESC LIMIT 1"
             ).fetchone()
@@ -219,7 +235,11 @@ class State:
             raise self._damaged(f"voxels from {expected:,}")
 
     def instance_after(self, scan: int) -> NDArray[np.int32]:
-        """Return (V,) int32 object ids as they were after scan number ``scan``; later voxels have ids too."""
+        """Return (V,) int32 object ids as they were after a scan; later voxels have ids too.
+
+        Args:
+            scan: Number of the scan.
+        """
         with self._explained():
             rows = self._db.execute("SELECT instance FROM voxels ORDER BY first_id").fetchall()
         instance = np.frombuffer(b"".join(row[0] for row in rows), "<i4").astype(np.int32)
@@ -231,10 +251,13 @@ class State:
 
     def _open(self) -> None:
         """Take the lock; make the tables of a new checkpoint or check the version of an old one."""
+        # a writer of its own until closed; a transaction survives a killed process
         self._db.execute("PRAGMA locking_mode = EXCLUSIVE")
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = NORMAL")
         self._db.execute("BEGIN IMMEDIATE")
+
+        # a new database gets its tables, an old one must be ours and of this version
         version = self._db.execute("PRAGMA user_version").fetchone()[0]
         if self._db.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0:
             for statement in filter(str.strip, _SCHEMA.split(";")):
@@ -249,11 +272,13 @@ class State:
                 "use the mcpseg it was made with, or --overwrite"
             )
         self._db.execute("COMMIT")
+
         self._num_scans = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
 
     def _damaged(self, what: str) -> StateError:
+        found = f"damaged ({what})"
         return StateError(
-            f"{self.path}: damaged ({what}); expected an mcpseg checkpoint; start again with --overwrite"
+            f"{self.path}: {found}; expected an mcpseg checkpoint; start again with --overwrite"
         )
 
     @contextmanager
@@ -277,14 +302,12 @@ class State:
             reason = str(error)
             if "locked" in reason:
                 raise StateInUseError(
-                    f"{self.path}: in use by another mcpseg; expected one writer; wait for it or choose another -o"
+                    f"{self.path}: in use by another mcpseg; expected one writer; "
+                    "wait for it or choose another -o"
                 ) from error
-            if (
-                "full" in reason
-                or "I/O" in reason
-                or "readonly" in reason
-                or "unable to open" in reason
-            ):
+
+            # what the disk refuses can be mended; all else is damage
+            if any(words in reason for words in _NOT_WRITABLE):
                 raise OutputError(
                     f"{self.path}: cannot be written ({reason}); expected room and permission; "
                     "make space and run the same command again, finished scans are kept"

@@ -1,19 +1,155 @@
-"""What events.jsonl says about the scans of a run: their names and how long each took."""
+"""events.jsonl: a line for every scan of a run, in order: what it changed, how long that took."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.recording import ScanFile
-from mcpseg_cli.incremental.segmenter import ScanUpdate
+from mcpseg_cli.errors import InputError, naming
+from mcpseg_cli.resumable import write_whole
+
+if TYPE_CHECKING:
+    from mcpseg_cli.incremental.segmenter import ScanUpdate
+
+
+@dataclass(frozen=True)
+class LabelledEvent:
+    """A scan was labelled.
+
+    Attributes:
+        scan: Its number, from 0.
+        name: File name.
+        points: Points in it.
+        points_in_range: Of these, how many were labelled.
+        voxels_new: Voxels it saw first.
+        voxels_seen: Voxels it saw that were known.
+        voxels: Voxels in the map after it.
+        objects: Objects in the map after it.
+        merges: Objects it joined: old id, surviving id.
+        label_changes: Earlier voxels whose labels it changed.
+        floor: Height of the floor used, metres, map frame; None before any scan came in range.
+    """
+
+    scan: int
+    name: str
+    points: int
+    points_in_range: int
+    voxels_new: int
+    voxels_seen: int
+    voxels: int
+    objects: int
+    merges: list[list[int]]
+    label_changes: int
+    floor: float | None
+
+    @classmethod
+    def of(
+        cls, number: int, name: str, num_points: int, update: ScanUpdate, num_objects: int
+    ) -> LabelledEvent:
+        """Describe what a scan did to the map."""
+        return cls(
+            scan=number,
+            name=name,
+            points=num_points,
+            points_in_range=int((update.point_ids >= 0).sum()),
+            voxels_new=update.num_new,
+            voxels_seen=update.num_seen,
+            voxels=update.first_new + update.num_new,
+            objects=num_objects,
+            merges=update.merges.tolist(),
+            label_changes=len(update.changed),
+            floor=update.floor,
+        )
+
+
+@dataclass(frozen=True)
+class SkippedEvent:
+    """A scan could not be read.
+
+    Attributes:
+        scan: Its number, from 0.
+        name: File name.
+        skipped: Why.
+    """
+
+    scan: int
+    name: str
+    skipped: str
+
+
+Event = LabelledEvent | SkippedEvent
+
+
+def event_text(event: Event, ms: Mapping[str, float] | None = None) -> str:
+    """Write an event as JSON, in one line.
+
+    Args:
+        event: What happened.
+        ms: Milliseconds by stage, where they are known.
+    """
+    times = {stage: round(value, 3) for stage, value in ms.items()} if ms else None
+    return json.dumps(vars(event) | ({"ms": times} if times else {}))
+
+
+def parse_event(text: str) -> Event:
+    """Read an event that ``event_text`` wrote without times.
+
+    Raises:
+        ValueError: It is none.
+    """
+    facts = json.loads(text)
+    try:
+        return SkippedEvent(**facts) if "skipped" in facts else LabelledEvent(**facts)
+    except TypeError as error:
+        raise ValueError(f"no event: {text[:80]}") from error
+
+
+def append_event(path: Path, event: Event, ms: Mapping[str, float] | None) -> None:
+    """Append an event to events.jsonl, with the times that are known only after the commit.
+
+    Raises:
+        OSError: The disk is full.
+    """
+    with naming(path), path.open("a") as file:
+        file.write(f"{event_text(event, ms)}\n")
+
+
+def reconcile_events(path: Path, events: Sequence[Event]) -> None:
+    """Make events.jsonl tell the given events: complete lines stay as long as they are of these.
+
+    Args:
+        path: The file; made if not there.
+        events: Those of all committed scans; what is added of them has no times.
+
+    Raises:
+        OSError: The disk is full.
+    """
+    *lines, cut = path.read_text(errors="replace").split("\n") if path.exists() else [""]
+    kept = 0
+    for event, line in zip(events, lines, strict=False):
+        if not _is_of(line, event):
+            break
+        kept += 1
+    if cut or kept != len(events) or kept != len(lines):
+        lines = lines[:kept] + [event_text(event) for event in events[kept:]]
+        write_whole(path, "".join(f"{line}\n" for line in lines))
+
+
+def _is_of(line: str, event: Event) -> bool:
+    """Tell whether a line is an event's, whatever its times."""
+    try:
+        facts = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(facts, dict) and facts | {"ms": None} == vars(event) | {"ms": None}
 
 
 @dataclass(frozen=True)
 class ScanEvent:
-    """One line of events.jsonl.
+    """What there is to measure of a line of events.jsonl.
 
     Attributes:
         name: File name of the scan.
@@ -49,33 +185,3 @@ def read_events(path: Path) -> list[ScanEvent]:
                 path, found, "lines that mcpseg segment wrote", "run it again to mend the file"
             ) from error
     return events
-
-
-def describe_scan(
-    number: int, source: ScanFile, num_points: int, update: ScanUpdate, num_objects: int
-) -> str:
-    """Describe a scan in one line of JSON: its event."""
-    return json.dumps(
-        {
-            "scan": number,
-            "name": source.path.name,
-            "points": num_points,
-            "points_in_range": int((update.point_ids >= 0).sum()),
-            "voxels_new": update.num_new,
-            "voxels_seen": update.num_seen,
-            "voxels": update.first_new + update.num_new,
-            "objects": num_objects,
-            "merges": update.merges.tolist(),
-            "label_changes": len(update.changed),
-            "floor": update.floor,
-        }
-    )
-
-
-def is_json(line: str) -> bool:
-    """Tell whether a line is a complete JSON document."""
-    try:
-        json.loads(line)
-    except ValueError:
-        return False
-    return True

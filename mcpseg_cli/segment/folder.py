@@ -1,16 +1,10 @@
 """The folder of a run: what may be written into it, and what may be deleted from it."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from mcpseg_cli.config import Frame, RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.errors import InputError, OutputError, StateError, StateInUseError
+from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.recording import ScanFile
-from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.networks.weights import Weights
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
@@ -24,12 +18,28 @@ _OUTPUTS = (
 )
 
 
-def check_folders(recording: list[ScanFile], output: Path) -> None:
-    """Refuse an output folder in which results would lie among the input, or that is none.
+def prepare_folder(output: Path, recording: list[ScanFile], *, overwrite: bool) -> None:
+    """Make the folder of a run, or see that a run may be continued in it.
+
+    Args:
+        output: The folder.
+        recording: The scans that are about to be labelled.
+        overwrite: Delete the run that is there.
 
     Raises:
-        OutputError: Says which.
+        OutputError: Results would lie among the input, or the folder has files of no run.
+        StateError: Another process is writing there.
+        OSError: The folder cannot be made.
     """
+    _check_place(output, recording)
+    if overwrite:
+        clear_run(output, recording)
+    _check_content(output)
+    (output / "scans").mkdir(parents=True, exist_ok=True)
+
+
+def _check_place(output: Path, recording: list[ScanFile]) -> None:
+    """Refuse an output folder in which results would lie among the input, or that is none."""
     scans = recording[0].path.parent.resolve()
     own = (output.resolve(), (output / "scans").resolve())
     if scans in own or own[1] in scans.parents:
@@ -55,6 +65,8 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
     """
     if not any((output / name).is_file() for name in ("state.sqlite", "run.json")):
         return
+
+    # the checkpoint knows which labelled scans are the run's
     stems = {source.path.stem for source in recording}
     if (output / "state.sqlite").is_file():
         try:
@@ -64,6 +76,7 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
             raise
         except StateError:
             pass  # damaged: its names are not needed to delete it
+
     for name in _OUTPUTS:
         (output / name).unlink(missing_ok=True)
     for path in (output / "scans").glob("*"):
@@ -71,99 +84,19 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
             path.unlink()
 
 
-def check_outputs(output: Path) -> None:
-    """Refuse a folder that has files under the names of results, but no checkpoint to say that they are.
-
-    Raises:
-        OutputError: Names them.
-    """
+def _check_content(output: Path) -> None:
+    """Refuse files under the names of results without the checkpoint that says that they are."""
     state = output / "state.sqlite"
     if state.exists() and state.stat().st_size >= _SMALLEST_DATABASE:
         return
     present = [name for name in _OUTPUTS if (output / name).exists() and (name != state.name)]
     if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").glob("*")):
         present.append("clouds in scans/")
+
+    # a run.json shows that a run was here, which may be deleted
     if present:
         remedy = "give --overwrite" if (output / "run.json").exists() else "move them away"
         raise OutputError(
             f"{output}: has {', '.join(present)} but no state.sqlite, or an empty one; "
             f"expected an empty folder or a run; choose another -o, or {remedy}"
         )
-
-
-_FIRST_TOLD = ("method", "offline", "weights")  # other differences follow from these
-
-
-FLAGS = {
-    "local_range": "--range",
-    "weights": "--weights",
-}  # settings whose option is not called like them
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a run reads and writes; what decides its labels is in ``SegmentSettings``.
-
-    Attributes:
-        frame: Frame of the scans' coordinates.
-        format: Ending of the labelled scans, without its dot; None for each scan's own.
-        on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
-        offline: Whether all scans are labelled together, when the last is read.
-        command: The command line, for the record.
-    """
-
-    frame: Frame = "map"
-    format: str | None = None
-    on_error: str = "stop"
-    offline: bool = False
-    command: Sequence[str] = ()
-
-
-def configuration_of(
-    method: Weights | RegionGrowingSettings, segmenter: IncrementalSegmenter, options: RunOptions
-) -> dict[str, object]:
-    """Collect everything that decides the outputs."""
-    settings: SegmentSettings = segmenter.settings
-    if isinstance(method, Weights):
-        what: dict[str, object] = {"weights": method.sha256}
-    else:
-        what = {"weights": None, "method": "region-growing", "region_growing": method.model_dump()}
-    return {
-        **settings.model_dump(mode="json"),
-        "frame": options.frame,
-        "format": options.format,
-        "precision": segmenter.precision,
-        "device": segmenter.device,
-        **what,
-        **({"offline": True} if options.offline else {}),
-    }
-
-
-def short(value: object) -> str:
-    """Shorten a value for a message."""
-    return "(none)" if value is None else str(value)[:16]
-
-
-def read_classes(path: Path) -> tuple[str, ...]:
-    """Read the names that ``semantic`` indexes.
-
-    Args:
-        path: The run.json of a run.
-
-    Returns:
-        The names; none for a method that tells objects only, whose points all have 255.
-
-    Raises:
-        InputError: Missing, or without a class table.
-    """
-    remedy = "run 'mcpseg segment' on this folder again, which writes it"
-    try:
-        document: object = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(path, "not there", "the description of the run", remedy) from error
-    except ValueError as error:
-        raise InputError(path, "not JSON", "the description of the run", remedy) from error
-    classes = document.get("classes") if isinstance(document, dict) else None
-    if not isinstance(classes, list) or not all(isinstance(name, str) for name in classes):
-        raise InputError(path, "no class table", "a list of names under 'classes'", remedy)
-    return tuple(classes)

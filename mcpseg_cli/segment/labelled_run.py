@@ -1,4 +1,4 @@
-"""The folder of a run, read: labelled voxels in parts, scans, classes and objects, as they are at one moment."""
+"""The folder of a run, read as it is at one moment: voxels in parts, scans, classes, objects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mcpseg_cli.incremental.clustering import dequantise, resolve
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.folder import read_classes
+from mcpseg_cli.segment.run_record import RunRecord
 from mcpseg_cli.segment.scan_record import ScanRecord
 
 _PART_ROWS = 1 << 16  # voxels handed out at a time: 20 MB with all that is made of them on the way
@@ -71,7 +71,7 @@ def joined(parts: Iterable[MapPart]) -> MapPart:
 
 
 class LabelledRun:
-    """The folder of a run of ``mcpseg segment``, finished or in progress, as it was when this was made.
+    """The folder of a run, finished or in progress, as it was when this was made.
 
     The checkpoint is copied first, so that a run in progress is neither disturbed nor followed, and
     nothing is ever written into its folder. The copy (about 130 bytes a voxel) lies in the system's
@@ -79,6 +79,7 @@ class LabelledRun:
 
     Args:
         folder: Folder of the run.
+        told: Called while ``parts`` goes through the map: voxels done, voxels in all.
 
     Raises:
         InputError: Not the folder of a run, or of one without any voxel yet.
@@ -86,39 +87,23 @@ class LabelledRun:
         OutputError: There is no room for the copy.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, told: Callable[[int, int], None] = lambda *_: None) -> None:
         self.folder = folder
-        self.on_part: Callable[[int, int], None] = lambda done, total: None
-        """Called while ``parts`` goes through the map: voxels done, voxels in all."""
-        if not (folder / "state.sqlite").is_file():
-            found = (
-                "no state.sqlite"
-                if folder.is_dir()
-                else "a file"
-                if folder.exists()
-                else "no such folder"
-            )
-            raise InputError(
-                folder, found, "the folder of a run of 'mcpseg segment'", "check the path"
-            )
-        self.classes = read_classes(folder / "run.json")
-        self._open_files = ExitStack()
-        try:
-            scratch = Path(
-                self._open_files.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-"))
-            )
-            self._state = self._open_files.enter_context(_open_copy(folder, scratch))
+        self._told = told
+        _check_folder(folder)
+        self.classes = RunRecord.read(folder).classes
+
+        with ExitStack() as opened:
+            # a copy: the original may be written at this moment
+            scratch = opened.enter_context(tempfile.TemporaryDirectory(prefix="mcpseg-"))
+            copy = _copy_checkpoint(folder, Path(scratch))
+            self._state = opened.enter_context(State(copy, original=folder / "state.sqlite"))
+
             self.scans: list[ScanRecord] = self._state.scans()
             if not self.scans or self.scans[-1].num_voxels == 0:
-                raise InputError(
-                    folder,
-                    "a run without any labelled voxel yet",
-                    "a labelled map",
-                    "wait for a scan",
-                )
-        except BaseException:
-            self._open_files.close()
-            raise
+                found, expected = "a run without any labelled voxel yet", "a labelled map"
+                raise InputError(folder, found, expected, "wait for a scan")
+            self._open_files = opened.pop_all()
 
     def __enter__(self) -> LabelledRun:
         return self
@@ -141,7 +126,7 @@ class LabelledRun:
 
     @cached_property
     def settings(self) -> dict[str, object]:
-        """The configuration of the run: ``voxel_size``, ``frame`` and all else that decided its labels."""
+        """The configuration of the run: ``voxel_size``, ``frame``, all that decided its labels."""
         return self._state.configuration() or {}
 
     @property
@@ -151,41 +136,39 @@ class LabelledRun:
         return size if isinstance(size, float) else 0.1
 
     def parts(self) -> Iterator[MapPart]:
-        """Iterate over all voxels in id order, which is the order they were first seen in, many at a time.
+        """Iterate over all voxels, many at a time, by id: in the order they were first seen in.
 
         Raises:
             StateError: The checkpoint is damaged.
         """
         survivor = self._survivor
         last_ids = np.array([record.num_voxels for record in self.scans])
+
         start = 0
         for rows in _regrouped(self._state.map_rows()):
             ids = np.arange(start, start + len(rows))
-            scan = np.searchsorted(last_ids, ids, side="right").astype(np.int32)
+
+            # labels as they are now; the scan is the first that ends behind a voxel
             instance = _current(rows.instance, survivor)
+            scan = np.searchsorted(last_ids, ids, side="right").astype(np.int32)
             yield MapPart(
-                ids,
-                rows.xyz,
-                rows.rgb,
-                rows.semantic,
-                instance,
-                rows.confidence,
-                rows.embedding,
-                scan,
-            )
+                ids, rows.xyz, rows.rgb, rows.semantic, instance, rows.confidence,
+                rows.embedding, scan,
+            )  # fmt: skip
+
             start += len(rows)
-            self.on_part(start, len(self))
+            self._told(start, len(self))
 
     def whole(self) -> MapPart:
         """Return all voxels at once: about 150 bytes each."""
         return joined(self.parts())
 
     def instance_after(self, scan: int) -> NDArray[np.int32]:
-        """Return (V,) int32 object ids as they were after scan number ``scan``; later voxels have ids too."""
+        """Return (V,) int32 object ids as they were after a scan, see ``State``."""
         return self._state.instance_after(scan)
 
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
-        """Return (P, 2) int32 merges in order (old id, surviving id): all, or those up to scan number ``until``."""
+        """Return (P, 2) int32 merges in order, old id and surviving id, see ``State``."""
         return self._state.merges(until)
 
     def objects(self) -> list[MapObject]:
@@ -203,6 +186,17 @@ class LabelledRun:
         survivor = np.arange(merges.max(initial=-1) + 1, dtype=np.int32)
         survivor[merges[:, 0]] = merges[:, 1]
         return survivor
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse what is not the folder of a run."""
+    if (folder / "state.sqlite").is_file():
+        return
+    if folder.is_dir():
+        found = "no state.sqlite"
+    else:
+        found = "a file" if folder.exists() else "no such folder"
+    raise InputError(folder, found, "the folder of a run of 'mcpseg segment'", "check the path")
 
 
 def _current(instance: NDArray[np.int32], survivor: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -239,17 +233,6 @@ def _joined_rows(parts: list[MapRows]) -> MapRows:
     )
 
 
-def _open_copy(folder: Path, scratch: Path) -> State:
-    """Open a copy of a run's checkpoint; errors name the original."""
-    copy, original = _copy_checkpoint(folder, scratch), folder / "state.sqlite"
-    try:
-        state = State(copy)
-    except StateError as error:
-        raise StateError(str(error).replace(str(copy), str(original))) from error
-    state.path = original
-    return state
-
-
 def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
     """Copy a checkpoint that may be written at this moment, as it is after one of its transactions.
 
@@ -261,6 +244,8 @@ def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
     source_log, log = folder / "state.sqlite-wal", scratch / "state.sqlite-wal"
     for _ in range(_ATTEMPTS):
         before = _identity(source_log)
+
+        # the database first: the log mends it
         try:
             shutil.copyfile(source, copy)
             log.unlink(missing_ok=True)
@@ -270,9 +255,12 @@ def _copy_checkpoint(folder: Path, scratch: Path) -> Path:
             continue
         except OSError as error:
             raise OutputError(
-                f"{scratch.parent}: no copy of {source} ({error.strerror}); expected permission to read, and room for "
-                f"{source.stat().st_size / 1e6:,.0f} MB; make space or set TMPDIR to another folder"
+                f"{scratch.parent}: no copy of {source} ({error.strerror}); "
+                f"expected permission to read, and room for {source.stat().st_size / 1e6:,.0f} MB; "
+                "make space or set TMPDIR to another folder"
             ) from error
+
+        # the same log before, after and in the copy
         if _identity(source_log) == before == _identity(log):
             return copy
     raise StateError(

@@ -1,4 +1,4 @@
-"""map.ply, kept current in place: new vertices appended, changed ones patched, the count in the header last."""
+"""map.ply, kept current in place: new vertices appended, changed ones patched, the count last."""
 
 from __future__ import annotations
 
@@ -55,6 +55,10 @@ class LabelledMap:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
         os.close(self._file)
 
     def update(self, rows: MapRows, changed: NDArray[np.int32]) -> None:

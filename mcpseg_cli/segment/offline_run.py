@@ -1,180 +1,165 @@
-"""A run of ``mcpseg segment --offline``: all scans make one cloud, which is labelled when the last is read."""
+"""``mcpseg segment --offline``: all scans make one cloud, labelled when the last is read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
-from mcpseg_cli.config import RegionGrowingSettings
-from mcpseg_cli.errors import InputError, StateError
+from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import write_cloud
-from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.offline import label_cloud
-from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
+from mcpseg_cli.incremental.segmenter import ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.weights import Weights
-from mcpseg_cli.segment.events import describe_scan
-from mcpseg_cli.segment.folder import RunOptions
+from mcpseg_cli.segment.events import LabelledEvent
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
-from mcpseg_cli.segment.scan_record import ScanRecord, fingerprint, skipped_scan
+from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, skipped_scan
+
+_NO_MERGES = np.empty((0, 2), np.int32)
 
 
 @dataclass(frozen=True)
-class _ReadScan:
-    """A scan that is part of the cloud: its record so far, and how long reading took."""
+class _InCloud:
+    """A scan that is part of the cloud, or was skipped.
 
+    Attributes:
+        number: Its number, from 0.
+        source: Where it is from.
+        read: What its file was; why it was not read.
+        first_new: Voxels in the cloud before it.
+        num_voxels: Voxels in the cloud after it.
+        ms: Milliseconds that reading took.
+    """
+
+    number: int
     source: ScanFile
-    record: ScanRecord
-    num_new: int
+    read: Fingerprint | InputError | OSError
+    first_new: int
+    num_voxels: int
     ms: float
 
 
-class OfflineRun(SegmentRun):
-    """An open offline run. It is one transaction: an interrupted run starts afresh, and scans cannot be added to one.
+def label_offline(
+    run: SegmentRun, should_stop: Callable[[], bool] = lambda: False
+) -> Iterator[ScanReport]:
+    """Read all scans, label the cloud, then commit and report them.
 
-    The outputs are those of a ``SegmentRun``; the labelled scans carry the final labels.
+    What labelling took is shared among the scans evenly. It is one transaction: an interrupted run
+    starts afresh, and scans cannot be added to one. The outputs are those of ``SegmentRun.run``;
+    the labelled scans carry the final labels.
 
     Args:
-        recording: All scans, in order.
-        output: Folder of the run; made if not there.
-        method: What labels: a network with its weights, or region growing.
-        segmenter: A new segmenter with it.
-        options: How to read and write; ``offline`` is set.
+        run: A run whose ``options.offline`` is set.
+        should_stop: Asked before every scan is read and written; nothing is kept then.
 
     Raises:
-        StateError: The folder is in use, or holds a run of other settings, weights or scans.
-        OutputError: The folder cannot be written.
-        InputError: A consumed scan whose labelled copy is lost cannot be read any more.
+        InputError: A scan cannot be read and ``on_error`` is ``stop``; nothing is kept.
+        OutputError: The disk is full; nothing is kept.
     """
+    # read
+    cloud = GrowingMap(run.segmenter.settings)
+    scans: list[_InCloud] = []
+    for source in run.pending:
+        if should_stop():
+            return
+        scans.append(_read(run, cloud, len(scans), source))
+    if not scans:
+        return
 
-    def __init__(
-        self,
-        recording: list[ScanFile],
-        output: Path,
-        method: Weights | RegionGrowingSettings,
-        segmenter: IncrementalSegmenter,
-        options: RunOptions,
-    ) -> None:
-        super().__init__(recording, output, method, segmenter, options)
-        if self.resumed_from and self.pending:
-            self._open_files.close()
-            raise StateError(
-                f"{output}: {self.resumed_from:,} scans labelled offline, {len(self.pending):,} more given; expected "
-                "the same scans; choose another -o, or start again with --overwrite"
-            )
+    # label
+    started = perf_counter()
+    floor = _label(run, cloud.voxels, scans)
+    share_ms = 1e3 * (perf_counter() - started) / len(scans)
 
-    def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[ScanReport]:
-        """Read all scans, label the cloud, then commit and report them; labelling's time is shared among them evenly.
-
-        Args:
-            should_stop: Asked before every scan is read and written; nothing is kept then.
-
-        Raises:
-            InputError: A scan cannot be read and ``on_error`` is ``stop``; nothing is kept.
-            OutputError: The disk is full; nothing is kept.
-        """
-        growing_map = GrowingMap(self.segmenter.settings)
-        scans: list[_ReadScan] = []
-        for source in self.pending:
+    # write and commit, all or nothing
+    done = []
+    try:
+        for scan in scans:
             if should_stop():
                 return
-            scans.append(self._read(len(scans), source, growing_map))
-        if not scans:
-            return
-        self._is_committed = False
-        started = perf_counter()
-        floor = self._label(growing_map.voxels, scans)
-        share_ms = 1e3 * (perf_counter() - started) / len(scans)
-        records, reports = [], []
-        try:
-            for number, scan in enumerate(scans):
-                if should_stop():
-                    return
-                record, report = self._write(number, scan, floor, share_ms)
-                records.append(record)
-                reports.append(report)
-            self._commit(records)
-        finally:
-            if not self._is_committed:
-                for scan in scans:
-                    self._labelled_scan(scan.source.path.name).unlink(missing_ok=True)
-        for record, report in zip(records, reports, strict=True):
-            self._append_event(record.event, report.update.ms if report.update else None)
-        yield from reports
+            done.append(_write(run, scan, floor, share_ms))
+        _commit(run, [record for record, _ in done])
+    finally:
+        if not run.records:
+            for scan in scans:
+                run.outputs.labelled_scan(scan.source.path.name).unlink(missing_ok=True)
+    for record, report in done:
+        run.outputs.append_event(record.event, report.update.ms if report.update else None)
+    yield from (report for _, report in done)
 
-    def _read(self, number: int, source: ScanFile, growing_map: GrowingMap) -> _ReadScan:
-        """Add a scan's points in range to the cloud."""
-        voxels, started = growing_map.voxels, perf_counter()
-        before = len(voxels)
-        try:
-            record = fingerprint(source)
-            scan, cloud = read_scan(source, self._options.frame, voxels.voxel_size)
-        except (InputError, OSError) as error:
-            if self._options.on_error != "skip":
-                raise
-            record = skipped_scan(number, source, error, before, None)
-        else:
-            growing_map.observe(scan)
-            record = replace(record, num_points=len(cloud), num_voxels=len(voxels))
-        return _ReadScan(source, record, len(voxels) - before, 1e3 * (perf_counter() - started))
 
-    def _label(self, voxel_map: VoxelMap, scans: list[_ReadScan]) -> float | None:
-        """Label the cloud and hand it to the segmenter; return the height of the floor."""
-        used = [scan for scan in scans if scan.record.error is None]
-        if not len(voxel_map):
-            return None
-        positions = np.array([scan.source.pose[:3, 3] for scan in used])
-        rows, floor = label_cloud(voxel_map, positions, self.segmenter.method)
-        self.segmenter.restore([rows], np.empty((0, 2), np.int32), len(used), floor)
-        return floor
+def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanFile) -> _InCloud:
+    """Add a scan's points in range to the cloud."""
+    before, started = len(cloud.voxels), perf_counter()
 
-    def _write(
-        self, number: int, scan: _ReadScan, floor: float | None, share_ms: float
-    ) -> tuple[ScanRecord, ScanReport]:
-        """Write the labelled copy of a scan; complete its record."""
-        record, started = scan.record, perf_counter()
-        if record.error is not None:
-            return record, ScanReport(record.name, 0, None, record.error, scan.ms)
-        points, cloud = read_scan(
-            scan.source, self._options.frame, self.segmenter.settings.voxel_size
-        )
-        point_ids = self.segmenter.find_points(points)
-        path = self._labelled_scan(record.name)
-        write_cloud(path, cloud.with_labels(self.segmenter.labels(point_ids)))
-        ms = {"read": scan.ms, "label": share_ms, "write": 1e3 * (perf_counter() - started)}
-        first_new = record.num_voxels - scan.num_new
-        known = point_ids[(point_ids >= 0) & (point_ids < first_new)]
-        nothing = np.empty((0, 2), np.int32)
-        update = ScanUpdate(
-            number,
-            point_ids,
-            first_new,
-            scan.num_new,
-            len(np.unique(known)),
-            nothing,
-            nothing[:, 0],
-            floor,
-            ms,
-        )
-        event = describe_scan(
-            number, scan.source, len(cloud), update, self.segmenter.clusters.num_objects
-        )
-        record = replace(record, floor=floor, event=event, output_size=path.stat().st_size)
-        return record, ScanReport(record.name, len(cloud), update, None, sum(ms.values()))
+    outcome: Fingerprint | InputError | OSError
+    try:
+        read = run.read(source)
+    except (InputError, OSError) as error:
+        if run.options.on_error != "skip":
+            raise
+        outcome = error
+    else:
+        cloud.observe(read.scan)
+        outcome = read.file
 
-    def _commit(self, records: list[ScanRecord]) -> None:
-        """Commit all scans in one transaction and bring the map up to date."""
-        rows, first = self.segmenter.rows(), 0
-        parts = []
-        for record in records:
-            parts.append(rows.part(slice(first, record.num_voxels)))
-            first = record.num_voxels
-        self._state.commit_all(list(zip(records, parts, strict=True)))
-        self._is_committed = True
-        self.records += records
-        self._map.update(rows, np.empty(0, np.int32))
+    ms = 1e3 * (perf_counter() - started)
+    return _InCloud(number, source, outcome, before, len(cloud.voxels), ms)
+
+
+def _label(run: SegmentRun, cloud: VoxelMap, scans: list[_InCloud]) -> float | None:
+    """Label the cloud and hand it to the segmenter; return the height of the floor."""
+    used = [scan for scan in scans if isinstance(scan.read, Fingerprint)]
+    if not len(cloud):
+        run.segmenter.restore([], _NO_MERGES, len(used), None)
+        return None
+    positions = np.array([scan.source.pose[:3, 3] for scan in used])
+    rows, floor = label_cloud(cloud, positions, run.segmenter.method)
+    run.segmenter.restore([rows], _NO_MERGES, len(used), floor)
+    return floor
+
+
+def _write(
+    run: SegmentRun, scan: _InCloud, floor: float | None, share_ms: float
+) -> tuple[ScanRecord, ScanReport]:
+    """Write the labelled copy of a scan and make its record."""
+    name, started = scan.source.path.name, perf_counter()
+    if not isinstance(scan.read, Fingerprint):
+        skipped = skipped_scan(scan.number, scan.source, scan.read, scan.first_new, None)
+        return skipped, ScanReport(name, 0, None, skipped.error, scan.ms)
+
+    # label its points, those too that were out of its range
+    read = run.read(scan.source)
+    point_ids = run.segmenter.find_points(read.scan)
+    path = run.outputs.labelled_scan(name)
+    write_cloud(path, read.cloud.with_labels(run.segmenter.labels(point_ids)))
+    ms = {"read": scan.ms, "label": share_ms, "write": 1e3 * (perf_counter() - started)}
+
+    # tell what it would have told as one of many
+    known = np.unique(point_ids[(point_ids >= 0) & (point_ids < scan.first_new)])
+    update = ScanUpdate(
+        scan.number, point_ids, scan.first_new, scan.num_voxels - scan.first_new, len(known),
+        _NO_MERGES, _NO_MERGES[:, 0], floor, ms,
+    )  # fmt: skip
+    num_points, num_objects = len(read.cloud), run.segmenter.clusters.num_objects
+    event = LabelledEvent.of(scan.number, name, num_points, update, num_objects)
+    record = ScanRecord(
+        name, scan.read, scan.source.pose, num_points, scan.num_voxels, floor, None, event,
+        path.stat().st_size,
+    )  # fmt: skip
+    return record, ScanReport(name, num_points, update, None, sum(ms.values()))
+
+
+def _commit(run: SegmentRun, records: list[ScanRecord]) -> None:
+    """Commit all scans in one transaction, each with its new voxels; bring the map up to date."""
+    rows, first = run.segmenter.rows(), 0
+    parts = []
+    for record in records:
+        parts.append(rows.part(slice(first, record.num_voxels)))
+        first = record.num_voxels
+    run.commit_all(list(zip(records, parts, strict=True)))
+    run.outputs.update_map(rows, _NO_MERGES[:, 0])

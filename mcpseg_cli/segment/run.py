@@ -1,38 +1,32 @@
-"""A run of ``mcpseg segment``: every scan of a recording through the segmenter, the checkpoint and the outputs."""
+"""A run of ``mcpseg segment``: every scan through the segmenter, the checkpoint and the outputs."""
 
 from __future__ import annotations
 
-import json
-import platform
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 
 import numpy as np
 
-from mcpseg_cli import __version__
-from mcpseg_cli.config import RegionGrowingSettings
-from mcpseg_cli.errors import InputError, StateError, naming
-from mcpseg_cli.formats import PARTIAL, Cloud, write_cloud, write_partial
+from mcpseg_cli.errors import InputError, StateError
+from mcpseg_cli.formats import Cloud, whole_cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
-from mcpseg_cli.networks.weights import Weights
+from mcpseg_cli.resumable import check_same
+from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.events import describe_scan, is_json
-from mcpseg_cli.segment.folder import (
-    _FIRST_TOLD,
-    FLAGS,
-    RunOptions,
-    check_folders,
-    check_outputs,
-    configuration_of,
-    short,
-)
-from mcpseg_cli.segment.map_ply import LabelledMap
-from mcpseg_cli.segment.scan_record import ScanRecord, fingerprint, is_unchanged, skipped_scan
+from mcpseg_cli.segment.events import LabelledEvent
+from mcpseg_cli.segment.folder import prepare_folder
+from mcpseg_cli.segment.outputs import Outputs
+from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
+from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, check_consumed, skipped_scan
+
+_DECISIVE = ("method", "offline", "weights")  # other differences follow from these
+_REMEDY = "go back to it, choose another -o, or start again with --overwrite"
 
 
 @dataclass(frozen=True)
@@ -54,53 +48,88 @@ class ScanReport:
     ms: float
 
 
+@dataclass(frozen=True)
+class ReadScan:
+    """A scan in memory.
+
+    Attributes:
+        source: Where it is from.
+        file: What the file was.
+        scan: Its points in the map frame.
+        cloud: All that the file holds.
+    """
+
+    source: ScanFile
+    file: Fingerprint
+    scan: Scan
+    cloud: Cloud
+
+
 class SegmentRun:
     """An open run: the segmenter, its checkpoint and its outputs, where the last scan left them.
 
     Args:
         recording: All scans, consumed ones included, in order.
         output: Folder of the run; made if not there.
-        method: What labels: a network with its weights, or region growing.
-        segmenter: A new segmenter with it.
+        segmenter: A new segmenter.
         options: How to read and write.
+        overwrite: Delete the run that is there.
+
+    Attributes:
+        records: The consumed scans, in order.
+        pending: The scans that were not consumed when the run was opened.
+        resumed_from: How many were consumed then.
+        outputs: The files that follow the checkpoint.
 
     Raises:
         StateError: The folder is in use, or holds a run of other settings, weights or scans.
-        OutputError: The folder cannot be written.
+        OutputError: The folder cannot be written, or is not one for results.
         InputError: A consumed scan whose labelled copy is lost cannot be read any more.
     """
+
+    records: list[ScanRecord]
+    pending: list[ScanFile]
+    resumed_from: int
+    outputs: Outputs
 
     def __init__(
         self,
         recording: list[ScanFile],
         output: Path,
-        method: Weights | RegionGrowingSettings,
         segmenter: IncrementalSegmenter,
         options: RunOptions,
+        *,
+        overwrite: bool = False,
     ) -> None:
         self.output = output
         self.segmenter = segmenter
-        self._options = options
-        self._is_committed = True
-        check_folders(recording, output)
-        check_outputs(output)
-        (output / "scans").mkdir(parents=True, exist_ok=True)
-        self._open_files = ExitStack()
-        self._state = self._open_files.enter_context(State(output / "state.sqlite"))
-        try:
-            self._check_configuration(configuration_of(method, segmenter, options))
-            self.records = self._state.scans()
-            self.pending = _pending(recording, self.records, self._state.path)
-            self.resumed_from = len(self.records)
-            self._restore()
-            self._map = self._open_files.enter_context(
-                LabelledMap(output / "map.ply", segmenter.classes)
+        self.options = options
+        prepare_folder(output, recording, overwrite=overwrite)
+        with ExitStack() as opened:
+            self._state = opened.enter_context(State(output / "state.sqlite"))
+            self._open(recording, opened)
+            self._open_files = opened.pop_all()
+
+    def _open(self, recording: list[ScanFile], opened: ExitStack) -> None:
+        """Put everything where the checkpoint is."""
+        self._check_request()
+        self.records = self._state.scans()
+        self.pending = check_consumed(recording, self.records, self._state.path)
+        self.resumed_from = len(self.records)
+        if self.options.offline and self.resumed_from and self.pending:
+            raise StateError(
+                f"{self.output}: {self.resumed_from:,} scans labelled offline, "
+                f"{len(self.pending):,} more given; expected the same scans; "
+                "choose another -o, or start again with --overwrite"
             )
-            self._reconcile(recording)
-            self._write_run_json(method)
-        except BaseException:
-            self._open_files.close()
-            raise
+        self._restore()
+
+        # the outputs may be behind or ahead after a kill
+        classes, scan_format = self.segmenter.classes, self.options.format
+        self.outputs = opened.enter_context(Outputs(self.output, classes, scan_format))
+        self.outputs.reconcile(self.segmenter.rows(), [record.event for record in self.records])
+        self._write_lost_scans(recording)
+        self.outputs.write_record(RunRecord.of(self.segmenter, self.options))
 
     def __enter__(self) -> SegmentRun:
         return self
@@ -114,7 +143,7 @@ class SegmentRun:
         self._open_files.close()
 
     def run(self, should_stop: Callable[[], bool] = lambda: False) -> Iterator[ScanReport]:
-        """Label the pending scans one after another; each is committed and written out before it is reported.
+        """Label the pending scans one by one; each is committed and written, then reported.
 
         Args:
             should_stop: Asked before every scan.
@@ -129,76 +158,71 @@ class SegmentRun:
                 return
             started = perf_counter()
             try:
-                identity = fingerprint(source)
-                scan, cloud = read_scan(
-                    source, self._options.frame, self.segmenter.settings.voxel_size
-                )
+                read = self.read(source)
             except (InputError, OSError) as error:
-                if self._options.on_error != "skip":
+                if self.options.on_error != "skip":
                     raise
                 yield self._skip(source, error, started)
-                continue
-            read_ms = 1e3 * (perf_counter() - started)
-            self._is_committed = False
-            update = self.segmenter.register_scan(scan)
-            update = replace(update, ms={"read": read_ms, **update.ms})
-            record = replace(
-                identity,
-                num_points=len(cloud),
-                num_voxels=len(self.segmenter.map),
-                floor=update.floor,
-                event=describe_scan(
-                    len(self.records),
-                    source,
-                    len(cloud),
-                    update,
-                    self.segmenter.clusters.num_objects,
-                ),
-            )
-            yield self._finish_scan(source, cloud, update, record, started)
+            else:
+                yield self._label(read, started)
+
+    def read(self, source: ScanFile) -> ReadScan:
+        """Read a scan as this run takes it.
+
+        Raises:
+            InputError: It is damaged.
+            OSError: It cannot be read.
+        """
+        file = Fingerprint.of(source.path)
+        return ReadScan(source, file, *self._read_points(source))
+
+    def _read_points(self, source: ScanFile) -> tuple[Scan, Cloud]:
+        return read_scan(source, self.options.frame, self.segmenter.settings.voxel_size)
+
+    def commit_all(self, scans: list[tuple[ScanRecord, MapRows]]) -> None:
+        """Commit scans that were labelled together, see ``State.commit_all``."""
+        self._state.commit_all(scans)
+        self.records += [record for record, _ in scans]
 
     def write_objects(self) -> None:
-        """Write objects.json from the map as it is now; not after a failed commit: the map is ahead of the run then."""
-        if not self._is_committed:
-            return
-        objects = self.segmenter.objects()
-        _replace_text(
-            self.output / "objects.json",
-            json.dumps([asdict(item) for item in objects], indent=1) + "\n",
-        )
+        """Write objects.json from the map as it is now, unless that is ahead of the checkpoint.
 
-    def _finish_scan(
-        self, source: ScanFile, cloud: Cloud, update: ScanUpdate, record: ScanRecord, started: float
-    ) -> ScanReport:
-        """Commit a scan, then bring the outputs up to date; from the commit on nothing of it can be lost."""
+        So it is after a failed commit.
+        """
+        num_used = sum(record.error is None for record in self.records)
+        num_voxels = self.records[-1].num_voxels if self.records else 0
+        if (self.segmenter.num_scans, len(self.segmenter.map)) == (num_used, num_voxels):
+            self.outputs.write_objects(self.segmenter.objects())
+
+    def _label(self, read: ReadScan, started: float) -> ScanReport:
+        """Label a scan, commit it, then bring the outputs up to date."""
+        read_ms = 1e3 * (perf_counter() - started)
+        update = self.segmenter.register_scan(read.scan)
         labels = self.segmenter.labels(update.point_ids)
-        path = self._labelled_scan(source.path.name)
+        name, num_points = read.source.path.name, len(read.cloud)
+        num_objects = self.segmenter.clusters.num_objects
+        event = LabelledEvent.of(len(self.records), name, num_points, update, num_objects)
+
+        # what cannot be written is not committed; what is committed can be written again
         before = perf_counter()
-        partial = write_partial(
-            path, cloud.with_labels(labels)
-        )  # what cannot be written is not committed
-        written = perf_counter()
-        record = replace(record, output_size=partial.stat().st_size)
-        try:
+        labelled = read.cloud.with_labels(labels)
+        with whole_cloud(self.outputs.labelled_scan(name), labelled) as partial:
+            written = perf_counter()
+            record = ScanRecord(
+                name, read.file, read.source.pose, num_points, len(self.segmenter.map),
+                update.floor, None, event, partial.stat().st_size,
+            )  # fmt: skip
             self._state.commit(record, self.segmenter.rows(update.first_new), update.merges)
-        except BaseException:
-            partial.unlink()
-            raise
-        committed = perf_counter()
-        self._is_committed = True
-        self.records.append(record)
-        partial.replace(path)
-        self._map.update(self.segmenter.rows(), update.changed)
+            committed = perf_counter()
+            self.records.append(record)
+        self.outputs.update_map(self.segmenter.rows(), update.changed)
+
         write_s = written - before + perf_counter() - committed
-        ms = update.ms | {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
-        self._append_event(record.event, ms)
-        return ScanReport(
-            record.name,
-            record.num_points,
-            replace(update, ms=ms),
-            None,
-            1e3 * (perf_counter() - started),
-        )
+        ms = {"read": read_ms, **update.ms}
+        ms |= {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
+        self.outputs.append_event(event, ms)
+        total_ms = 1e3 * (perf_counter() - started)
+        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms)
 
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
@@ -207,135 +231,42 @@ class SegmentRun:
         record = skipped_scan(len(self.records), source, error, num_voxels, floor)
         self._state.commit(record, self.segmenter.rows(num_voxels), np.empty((0, 2), np.int32))
         self.records.append(record)
-        self._append_event(record.event, None)
+        self.outputs.append_event(record.event, None)
         return ScanReport(record.name, 0, None, str(error), 1e3 * (perf_counter() - started))
 
-    def _check_configuration(self, asked: dict[str, object]) -> None:
-        """Write down the configuration of a new run, or compare it with the one the run was started with."""
+    def _check_request(self) -> None:
+        """Write down what a new run was asked for, or compare with what the run was begun with."""
+        asked = RunConfiguration.of(self.segmenter, self.options).as_json()
         kept = self._state.configuration()
         if kept is None:
             self._state.set_configuration(asked)
             return
-        for key in sorted(
-            kept.keys() | asked.keys(), key=lambda key: (key not in _FIRST_TOLD, key)
-        ):
-            if kept.get(key) != asked.get(key):
-                flag = FLAGS.get(key, f"--{key.replace('_', '-')}")
-                raise StateError(
-                    f"{self._state.path}: made with {flag} {short(kept.get(key))}, now {short(asked.get(key))}; "
-                    "expected the same; go back to it, choose another -o, or start again with --overwrite"
-                )
+        check_same(self._state.path, kept, asked, remedy=_REMEDY, decisive=_DECISIVE)
 
     def _restore(self) -> None:
         """Put the segmenter where the checkpoint is."""
         used = [record for record in self.records if record.error is None]
+        floor = used[-1].floor if used else None
         try:
-            self.segmenter.restore(
-                self._state.map_rows(),
-                self._state.merges(),
-                len(used),
-                used[-1].floor if used else None,
-            )
+            self.segmenter.restore(self._state.map_rows(), self._state.merges(), len(used), floor)
         except (ValueError, IndexError) as error:
             raise StateError(
-                f"{self._state.path}: damaged ({error}); expected an mcpseg checkpoint; start again with --overwrite"
+                f"{self._state.path}: damaged ({error}); expected an mcpseg checkpoint; "
+                "start again with --overwrite"
             ) from error
 
-    def _reconcile(self, recording: list[ScanFile]) -> None:
-        """Bring every output to where the checkpoint is: a killed run may have left them behind or ahead."""
-        for leftover in (self.output / "scans").glob(f".*{PARTIAL}.*"):
-            leftover.unlink()
-        self._map.reconcile(self.segmenter.rows())
-        self._reconcile_events()
+    def _write_lost_scans(self, recording: list[ScanFile]) -> None:
+        """Write labelled scans that are missing or cut, with the labels they had."""
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
-            path = self._labelled_scan(record.name)
-            if record.error is None and not (
-                path.is_file() and path.stat().st_size == record.output_size
-            ):
-                scan, cloud = read_scan(
-                    source, self._options.frame, self.segmenter.settings.voxel_size
-                )
-                point_ids = self.segmenter.find_points(scan)
-                labels = self.segmenter.labels(point_ids)
-                then = np.append(
-                    self._state.instance_after(number), np.int32(0)
-                )  # id -1 finds the 0 at the end
-                write_cloud(path, cloud.with_labels(replace(labels, instance=then[point_ids])))
+            path = self.outputs.labelled_scan(record.name)
+            is_there = path.is_file() and path.stat().st_size == record.output_size
+            if record.error is not None or is_there:
+                continue
+            scan, cloud = self._read_points(source)
+            point_ids = self.segmenter.find_points(scan)
+            labels = self.segmenter.labels(point_ids)
 
-    def _reconcile_events(self) -> None:
-        """Keep the complete lines of events.jsonl that belong to committed scans; take the rest from the checkpoint."""
-        path = self.output / "events.jsonl"
-        lines = path.read_text(errors="replace").split("\n")[:-1] if path.exists() else []
-        kept = 0
-        for record, line in zip(self.records, lines, strict=False):
-            if not (line.startswith(record.event[:-1]) and is_json(line)):
-                break
-            kept += 1
-        if kept != len(self.records) or kept != len(lines):
-            events = lines[:kept] + [record.event for record in self.records[kept:]]
-            _replace_text(path, "".join(f"{event}\n" for event in events))
-
-    def _labelled_scan(self, name: str) -> Path:
-        path = self.output / "scans" / name
-        return path.with_suffix(f".{self._options.format}") if self._options.format else path
-
-    def _append_event(self, event: str, ms: dict[str, float] | None) -> None:
-        """Append a line to events.jsonl: the checkpoint's, plus the times that are known only after the commit."""
-        times = {stage: round(value, 3) for stage, value in ms.items()} if ms else None
-        line = f'{event[:-1]}, "ms": {json.dumps(times)}}}\n' if times else f"{event}\n"
-        path = self.output / "events.jsonl"
-        with naming(path), path.open("a") as file:
-            file.write(line)
-
-    def _write_run_json(self, method: Weights | RegionGrowingSettings) -> None:
-        weights = None
-        if isinstance(method, Weights):
-            weights = {
-                "name": method.name,
-                "sha256": method.sha256,
-                **method.info.model_dump(mode="json"),
-            }
-        document = {
-            "mcpseg": __version__,
-            "python": platform.python_version(),
-            "command": list(self._options.command),
-            "method": method.info.architecture if isinstance(method, Weights) else "region-growing",
-            "configuration": configuration_of(method, self.segmenter, self._options),
-            "weights": weights,
-            "classes": list(self.segmenter.classes),
-        }
-        _replace_text(self.output / "run.json", json.dumps(document, indent=1) + "\n")
-
-
-def _pending(
-    recording: list[ScanFile], records: list[ScanRecord], state_path: Path
-) -> list[ScanFile]:
-    """Check the consumed scans against what was consumed; return the others."""
-    if len(recording) < len(records):
-        raise StateError(
-            f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; expected all of them; "
-            "restore the missing scans"
-        )
-    for source, record in zip(recording, records, strict=False):
-        if source.path.name != record.name:
-            raise StateError(
-                f"{source.path}: stands where {record.name} was consumed; "
-                "expected new scans after the consumed ones; rename it"
-            )
-        if record.error is None and not is_unchanged(source, record):
-            raise StateError(
-                f"{source.path}: changed since it was consumed; expected the same file and pose; "
-                "restore it or start again with --overwrite"
-            )
-    return recording[len(records) :]
-
-
-def _replace_text(path: Path, text: str) -> None:
-    """Write a text file that appears under its name only when complete."""
-    partial = path.with_name(f"{path.name}{PARTIAL}")
-    try:
-        with naming(path):
-            partial.write_text(text)
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+            # objects have merged since; id -1 finds the 0 at the end
+            then = np.append(self._state.instance_after(number), np.int32(0))
+            labels = replace(labels, instance=then[point_ids])
+            write_cloud(path, cloud.with_labels(labels))

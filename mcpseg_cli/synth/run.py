@@ -5,20 +5,26 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats.s3dis import write_room
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_same, partial_folder, write_whole
 from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
 
 _VERSION = 1  # of the generator; raise it when the same seed comes to give another building
 RECORD = "synth.json"
-_ROOM_NAME = r"^[A-Za-z]+_\d+$"
+_NAMES = {"version": "version of the generator", "number": "number of the area"}
+
+RoomName = Annotated[str, Field(pattern=r"^[A-Za-z]+_\d+$")]
+"""``office_3`` and the like: no path that leads out of the area."""
+_ClassCounts = dict[Annotated[str, Field(pattern=f"^({'|'.join(S3DIS_CLASSES)})$")], int]
 
 
 class SynthRequest(BaseModel):
@@ -45,43 +51,51 @@ class RoomCounts(BaseModel):
     """What is in a written room.
 
     Attributes:
-        name: ``office_3`` and the like.
+        name: Name of the room.
         points: Points by class.
         objects: Objects by class.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: str = Field(pattern=_ROOM_NAME)
-    points: dict[str, int]
-    objects: dict[str, int]
+    name: RoomName
+    points: _ClassCounts
+    objects: _ClassCounts
 
 
 class _Record(BaseModel):
-    """``synth.json``: what was asked for, the rooms that are planned, and those that are written."""
+    """``synth.json``: what was asked for, the rooms that are planned and those that are written.
+
+    Attributes:
+        version: Of the generator.
+        request: What was asked for.
+        style_name: What its style is called.
+        planned: All rooms.
+        rooms: Those that are written.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
     version: int
     request: SynthRequest
     style_name: str
-    planned: list[str]
+    planned: list[RoomName]
     rooms: list[RoomCounts] = []
 
     def own(self, folder: Path) -> list[Path]:
         """Return the folders of the area's rooms, and those of half-written ones."""
-        names = [name for name in self.planned if name.replace("_", "").isalnum()]
-        return [folder / form.format(name) for name in names for form in ("{}", ".{}.part")]
+        rooms = [folder / name for name in self.planned]
+        return rooms + [partial_folder(room) for room in rooms]
 
 
 def write_area(
     folder: Path, request: SynthRequest, jobs: int, *, overwrite: bool = False
 ) -> tuple[int, Iterator[RoomCounts]]:
-    """Build an area and write it room by room; rooms that an earlier, interrupted call wrote are kept.
+    """Build an area and write it room by room; rooms that an interrupted call wrote are kept.
 
     Args:
         folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room and
-            ``synth.json``. The caller holds it against other processes (``lock.exclusive``).
+            ``synth.json``. The caller holds it against other processes (``resumable.exclusive``).
         request: What to build.
         jobs: Processes that build rooms at once; the result does not depend on it.
         overwrite: Delete an area that was made before; other files in the folder stay.
@@ -92,18 +106,17 @@ def write_area(
 
     Raises:
         InputError: No floor plan with so many rooms was found.
-        OutputError: The folder holds another area, or rooms that were not made here.
+        StateError: The folder holds another area.
+        OutputError: It holds rooms that were not made here.
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
     style, rooms, seeds = plan_building(
         request.number, request.seed, request.num_rooms, request.style
     )
-    record = _Record(
-        version=_VERSION,
-        request=request,
-        style_name=style.name,
-        planned=[room.name for room in rooms],
-    )
+    names = [room.name for room in rooms]
+    record = _Record(version=_VERSION, request=request, style_name=style.name, planned=names)
+
+    # what an earlier call has left is continued, replaced or refused
     earlier = _read_record(folder)
     _check(folder, earlier, None if overwrite else record)
     if overwrite and earlier is not None:
@@ -111,6 +124,7 @@ def write_area(
             shutil.rmtree(path, ignore_errors=True)
     elif earlier is not None:
         record = earlier
+
     _write_record(folder, record)
     return len(rooms), _write(folder, record, style, rooms, seeds, jobs)
 
@@ -124,16 +138,20 @@ def _write(
     jobs: int,
 ) -> Iterator[RoomCounts]:
     """Write the rooms that are missing and count all."""
+    # rooms of an earlier call, unless someone took their files away
     is_there = {
         room.name for room in record.rooms if any((folder / room.name / ANNOTATIONS).glob("*.txt"))
     }
     record.rooms = [room for room in record.rooms if room.name in is_there]
     yield from record.rooms
-    spacing = record.request.spacing
-    todo = [(folder, room, style, spacing, seed) for room, seed in zip(rooms, seeds, strict=True)]
-    for counts in map_rooms(
-        write_one, [task for task in todo if task[1].name not in is_there], jobs
-    ):
+
+    # the others
+    todo = [
+        (folder, room, style, record.request.spacing, seed)
+        for room, seed in zip(rooms, seeds, strict=True)
+        if room.name not in is_there
+    ]
+    for counts in map_rooms(write_one, todo, jobs):
         record.rooms.append(counts)
         _write_record(folder, record)
         yield counts
@@ -142,7 +160,7 @@ def _write(
 def write_one(
     folder: Path, room: Room, style: Style, spacing: float, seed: list[int]
 ) -> RoomCounts:
-    """Build one room and write it; one that is there, written but not recorded, is written again."""
+    """Build one room and write it, also one that is there but was not recorded."""
     cloud = make_room(room, style, spacing, seed)
     shutil.rmtree(folder / room.name, ignore_errors=True)
     write_room(folder, room.name, zip(cloud.classes, cloud.xyz, cloud.rgb, strict=True))
@@ -155,24 +173,21 @@ def write_one(
 
 
 def _check(folder: Path, earlier: _Record | None, record: _Record | None) -> None:
-    """Refuse a folder with rooms that were not made here, or another area unless there is nothing to compare with."""
+    """Refuse a folder with rooms that were not made here, or another area unless it is replaced."""
     if earlier is None:
         present = sorted(path.name for path in folder.iterdir() if path.name[0] != ".")
         if present:
             raise OutputError(
-                f"{folder}: has {', '.join(present)[:120]} but no {RECORD}; expected a new folder; name another"
+                f"{folder}: has {', '.join(present)[:120]} but no {RECORD}; "
+                "expected a new folder; name another"
             )
         return
-    if record is None or (earlier.version, earlier.request) == (record.version, record.request):
-        return
-    before, now = earlier.request.model_dump(), record.request.model_dump()
-    changed = [
-        f"{name} ({before[name]}, not {now[name]})" for name in now if before[name] != now[name]
-    ]
-    raise OutputError(
-        f"{folder}: holds an area made with another {', '.join(changed) or 'version of mcpseg'}; expected the same; "
-        "name another folder or give --overwrite"
-    )
+    if record is not None:
+        kept, asked = (
+            part.model_dump(include={"version", "request"}) for part in (earlier, record)
+        )
+        remedy = "name another folder or give --overwrite"
+        check_same(folder / RECORD, kept, asked, remedy=remedy, names=_NAMES)
 
 
 def _write_record(folder: Path, record: _Record) -> None:
@@ -189,5 +204,6 @@ def _read_record(folder: Path) -> _Record | None:
         return _Record.model_validate_json(path.read_bytes())
     except ValidationError as error:
         raise OutputError(
-            f"{path}: not what mcpseg synth wrote; expected its record; remove the area, or name another folder"
+            f"{path}: not what mcpseg synth wrote; expected its record; "
+            "remove the area, or name another folder"
         ) from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,12 +9,37 @@ from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from mcpseg_cli.errors import StateError, naming
-from mcpseg_cli.resumable import check_identity
+from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
+from mcpseg_cli.errors import StateError
+from mcpseg_cli.resumable import check_same, write_whole
 from mcpseg_cli.train.progress import EpochReport, TrainState
 
 _METADATA = "mcpseg-checkpoint"
 _FORMAT = 1
+
+_TABLES: dict[str, type[BaseModel]] = {
+    "train": TrainSettings,
+    "samples": SampleSettings,
+    "augment": AugmentSettings,
+}
+_OPTIONS = {
+    "architecture", "epochs", "learning_rate", "schedule", "batch_size", "precision", "seed",
+    "num_context", "local_range",
+}  # fmt: skip
+_NAMES = {
+    "classes": "set of classes",
+    "class_table": "class table",
+    "training_areas": "set of training areas",
+    "validation_areas": "set of held-out areas",
+    "processes": "number of processes",
+} | {
+    name: f"[{table}] {name}"
+    for table, settings in _TABLES.items()
+    for name in settings.model_fields
+    if name not in _OPTIONS
+}
+"""What is called otherwise than by an option; settings without one by their place in the file."""
+
 _NETWORK, _BEST, _OPTIMISER, _SUMS = "network.", "best.", "optimiser.", "sums"
 
 
@@ -61,18 +85,8 @@ def write_checkpoint(path: Path, state: TrainState, identity: Mapping[str, JsonV
         curves=state.curves,
         best=state.best,
     )
-
-    # on the disk before it replaces the one before
-    partial = path.with_name(path.name + ".part")
-    try:
-        with naming(path):
-            with partial.open("wb") as file:
-                file.write(save(tensors, {_METADATA: description.model_dump_json()}))
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    data = save(tensors, {_METADATA: description.model_dump_json()})
+    write_whole(path, data, is_durable=True)
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState:
@@ -112,3 +126,20 @@ def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState
         description.step, description.curves, description.best,
         groups[_NETWORK], groups[_BEST], groups[_OPTIMISER], tensors[_SUMS],
     )  # fmt: skip
+
+
+def check_identity(
+    path: Path, kept: Mapping[str, JsonValue], asked: Mapping[str, JsonValue]
+) -> None:
+    """Refuse to continue a training under other settings or with other data.
+
+    Args:
+        path: Its checkpoint or record.
+        kept: What it was made with.
+        asked: What is asked for now.
+
+    Raises:
+        StateError: Names what differs.
+    """
+    remedy = "choose another -o or --name, or give --overwrite to start anew"
+    check_same(path, kept, asked, remedy=remedy, names=_NAMES)

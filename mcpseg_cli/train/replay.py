@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.config import SampleSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
+from mcpseg_cli.formats.labels import point_labels
 from mcpseg_cli.formats.recording import ScanFile, open_recording, read_scan
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.growing_map import GrowingMap
@@ -102,8 +102,7 @@ class Replay:
         """Read the labels of a scan and check that they are those of its points."""
         path = self._truth / source.path.name
         truth = read_cloud(path)
-        semantic, instance = truth.label("semantic"), truth.label("instance")
-        if semantic is None or instance is None or not truth.classes:
+        if not truth.classes:
             raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
 
         # the same points as the scan's, in the classes of the scans before
@@ -115,13 +114,8 @@ class Replay:
             raise InputError(
                 path, "another class table than the scans before", "one table for all", _REMEDY
             )
-        if instance.min() < 0 or instance.max() > np.iinfo(np.int32).max:
-            raise InputError(path, "object ids out of range", "0 to 2,147,483,647", _REMEDY)
-
         self.classes = truth.classes
-        labels = semantic.astype(np.int64)
-        known = (labels >= 0) & (labels < len(truth.classes))
-        return np.where(known, labels, UNKNOWN).astype(np.uint8), instance.astype(np.int32)
+        return point_labels(truth, path)
 
     def _insert(
         self, number: int, scan: Scan, semantic: NDArray[np.uint8], instance: NDArray[np.int32]

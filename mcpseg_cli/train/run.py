@@ -15,8 +15,8 @@ from mcpseg_cli import __version__
 from mcpseg_cli.config import NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
-from mcpseg_cli.resumable import check_identity, printable, write_whole
-from mcpseg_cli.train.checkpoint import read_checkpoint, write_checkpoint
+from mcpseg_cli.resumable import printable, write_whole
+from mcpseg_cli.train.checkpoint import check_identity, read_checkpoint, write_checkpoint
 from mcpseg_cli.train.fine_tuning import adopt
 from mcpseg_cli.train.fold_data import DataSettings, FoldData
 from mcpseg_cli.train.folder import TrainFiles, TrainIdentity, TrainRecord

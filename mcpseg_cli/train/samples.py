@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.config import SampleSettings
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.formats.steady import SteadyFile, whole_file
+from mcpseg_cli.formats.steady import SteadyFile, steady_file
 from mcpseg_cli.incremental.column import ScalarT
 from mcpseg_cli.train.replay import Replay, ScanSamples, list_scans
 
@@ -178,7 +178,7 @@ def prepare_samples(
 
     # the file appears under its name only when it is whole
     replay = Replay(area, settings)
-    with whole_file(path) as stream:
+    with steady_file(path) as stream:
         with h5py.File(stream, "w") as file:
             _write(file, stream, replay, progress)
             if not len(replay.map):

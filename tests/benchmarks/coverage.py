@@ -52,6 +52,7 @@ def measure(
     building: Building, every: int = 1, threads: int = 2, picture: Path | None = None
 ) -> dict[str, object]:
     """Plan the automatic route of one building and compare what it sees with what could be seen."""
+    # each step of planning, timed
     pattern, marks = ScanPattern(), [time.perf_counter()]
     plan = build_floor_plan(building.xyz)
     marks.append(time.perf_counter())
@@ -61,21 +62,18 @@ def measure(
     marks.append(time.perf_counter())
     route = plan_route(plan, waypoints, sensor_height=SENSOR_HEIGHT)
     marks.append(time.perf_counter())
-    seconds = dict(
-        zip(
-            ("floor_plan", "grid", "waypoints", "route"),
-            np.diff(marks).round(2).tolist(),
-            strict=True,
-        )
-    )
+    steps = ("floor_plan", "grid", "waypoints", "route")
+    seconds = dict(zip(steps, np.diff(marks).round(2).tolist(), strict=True))
     if picture is not None:
         plot_route(picture, plan, route, building)
 
+    # what all places see, and what those of the route see
     places = plan.centre_of(np.argwhere(plan.region == 1)[::every])
-    could = seen_from(
-        grid, np.column_stack([places, plan.floor_at(places) + SENSOR_HEIGHT]), pattern, threads
-    )
+    origins = np.column_stack([places, plan.floor_at(places) + SENSOR_HEIGHT])
+    could = seen_from(grid, origins, pattern, threads)
     does = seen_from(grid, route.positions, pattern, threads)
+
+    shares = reached_shares(building, plan, route.regions)
     return {
         "seen": f"{np.count_nonzero(does & could) / max(1, np.count_nonzero(could)):.2%}",
         "voxels": len(grid),
@@ -84,11 +82,7 @@ def measure(
         "waypoints": len(route.waypoints),
         "length_m": round(route.length, 1),
         "scans": len(route),
-        "unreachable": [
-            room
-            for room, share in reached_shares(building, plan, route.regions).items()
-            if not share
-        ],
+        "unreachable": [room for room, share in shares.items() if not share],
         "seconds": seconds,
     }
 
@@ -106,6 +100,7 @@ def main() -> None:
         "--plot", type=Path, metavar="FOLDER", help="draw each route as FOLDER/NAME.png"
     )
     arguments = parser.parse_args()
+
     for area in arguments.areas:
         building, _ = read_building(area, use_cache=False)
         picture = arguments.plot / f"{area.stem}.png" if arguments.plot else None

@@ -25,7 +25,8 @@ from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.scan_record import ScanRecord
+from mcpseg_cli.segment.events import LabelledEvent
+from mcpseg_cli.segment.scan_record import NOT_READ, ScanRecord
 
 PER_SCAN = 1000
 STEP = 0.6
@@ -38,7 +39,7 @@ def make_run(folder: Path, voxels: int) -> None:
     rng = np.random.default_rng(0)
     unit = rng.normal(size=(PER_SCAN, EMBEDDING)).astype(np.float32)
     embedding = quantise(unit / np.linalg.norm(unit, axis=1, keepdims=True))
-    (folder / "run.json").write_text(json.dumps({"classes": S3DIS_CLASSES}))
+    (folder / "run.json").write_text(json.dumps({"configuration": {}, "classes": S3DIS_CLASSES}))
     with State(folder / "state.sqlite") as state:
         state.set_configuration({**SegmentSettings().model_dump(mode="json"), "frame": "map"})
         for number in range(-(-voxels // PER_SCAN)):
@@ -47,8 +48,12 @@ def make_run(folder: Path, voxels: int) -> None:
             pose[:3, 3] = (place * STEP, lane * LANE, 1.0)
             rows = corridor(pose[:3, 3], number, embedding, rng)
             known = (number + 1) * PER_SCAN
+            name = f"{number:06d}.ply"
+            event = LabelledEvent(
+                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0.0
+            )
             record = ScanRecord(
-                f"{number:06d}.ply", 1, 1, "", pose, 2 * PER_SCAN, known, 0.0, None, "{}", 1
+                name, NOT_READ, pose, 2 * PER_SCAN, known, 0.0, None, event, output_size=1
             )
             merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
             state.commit(record, rows, merge)
@@ -58,12 +63,15 @@ def corridor(
     robot: np.ndarray, number: int, embedding: np.ndarray, rng: np.random.Generator
 ) -> MapRows:
     """Make the voxels that one scan adds: floor, ceiling and two walls along one step."""
+    # surfaces in turn: floor, ceiling, left wall, right wall
     surface = np.arange(PER_SCAN) % 4
     along, across = rng.uniform(0, STEP, PER_SCAN), rng.uniform(-2.0, 2.0, PER_SCAN)
     height = rng.uniform(0.0, 2.5, PER_SCAN)
     y = np.choose(surface, [across, across, np.full(PER_SCAN, -2.0), np.full(PER_SCAN, 2.0)])
     z = np.choose(surface, [np.zeros(PER_SCAN), np.full(PER_SCAN, 2.5), height, height])
     xyz = np.column_stack([along + robot[0], y + robot[1], z]) + rng.normal(0, 0.004, (PER_SCAN, 3))
+
+    # colours and labels
     grey = np.choose(surface, [90, 220, 160, 170])[:, None] + rng.integers(-10, 10, (PER_SCAN, 3))
     semantic = np.choose(surface, [1, 0, 2, 2]).astype(np.uint8)
     instance = (number * 40 + 1 + rng.integers(0, 40, PER_SCAN)).astype(np.int32)
@@ -100,6 +108,8 @@ def main() -> None:
     if arguments.one:
         measure(*arguments.one, arguments.color)
         return
+
+    # each format in a process of its own
     with tempfile.TemporaryDirectory() as name:
         run = Path(name) / "out"
         make_run(run, arguments.voxels)

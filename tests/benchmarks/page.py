@@ -1,4 +1,4 @@
-"""A map as one HTML page in headless Chromium: size, seconds to open, milliseconds per slider step and per turn.
+"""A map as one HTML page in headless Chromium: size, time to open, time of a slider step or turn.
 
     python -m tests.benchmarks.page [--voxels 500000 1000000] [--run out/]
 
@@ -21,7 +21,8 @@ from tests.benchmarks.export import make_run
 from tests.export.test_browser import CHROMIUM, SOFTWARE_GL
 
 STEP = """async share => {
-    const slider = document.getElementById("scan"), frame = () => new Promise(requestAnimationFrame);
+    const slider = document.getElementById("scan");
+    const frame = () => new Promise(requestAnimationFrame);
     await frame();
     const started = performance.now();
     slider.value = Math.max(1, Math.round(slider.max * share));
@@ -33,24 +34,27 @@ STEP = """async share => {
 
 def measure(browser, run: Path, page_path: Path) -> dict[str, float]:
     """Export one run and use its page."""
+    # written
     started = perf_counter()
-    subprocess.run(
-        [sys.executable, "-m", "mcpseg_cli", "export", str(run), "-o", str(page_path), "-q"],
-        check=True,
-    )
+    command = [sys.executable, "-m", "mcpseg_cli", "export", str(run), "-o", str(page_path), "-q"]
+    subprocess.run(command, check=True)
     exported = perf_counter() - started
+
+    # opened
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     started = perf_counter()
     page.goto(page_path.as_uri())
     page.wait_for_selector('body[data-state="ready"]', state="attached", timeout=120_000)
     opened = perf_counter() - started
+
+    # used, after it has come to rest
     page.wait_for_timeout(3000)
-    steps = [
-        page.evaluate(STEP, share) for share in (0.1, 0.3, 0.5, 0.7, 0.9, 0.2, 0.4, 0.6, 0.8, 1.0)
-    ]
+    shares = (0.1, 0.3, 0.5, 0.7, 0.9, 0.2, 0.4, 0.6, 0.8, 1.0)
+    steps = [page.evaluate(STEP, share) for share in shares]
     page.wait_for_timeout(3000)
     turns = [turn(page, pixels) for pixels in range(10, 110, 10)]
     page.close()
+
     size = page_path.stat().st_size / 1e6
     return {
         "size_mb": size,
@@ -87,6 +91,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if CHROMIUM is None:
         sys.exit("no Chromium on this machine (Debian: apt-get install chromium)")
+
     with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_GL)
         runs = {str(run): run for run in arguments.run}
@@ -94,6 +99,7 @@ def main() -> None:
             folder = Path(name) / str(voxels)
             make_run(folder, voxels)
             runs[f"{voxels:,} voxels"] = folder
+
         for title, run in runs.items():
             figures = measure(browser, run, Path(name) / "map.html")
             (Path(name) / "map.html").unlink()

@@ -22,7 +22,9 @@ import numpy as np
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
+from mcpseg_cli.raytrace.drive import Waypoints
 from mcpseg_cli.raytrace.rays import cast_rays, visible_voxels
+from mcpseg_cli.raytrace.record import RouteRecord
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 from mcpseg_cli.raytrace.scanner import VirtualScanner
 from tests import reference
@@ -64,27 +66,28 @@ def positions_in(scanner: VirtualScanner, num: int) -> np.ndarray:
 def scan_ms(
     scanner: VirtualScanner, positions: np.ndarray, jobs: int
 ) -> tuple[float, float, float]:
-    """Median milliseconds of a scan: rays shared among ``jobs`` threads, rays in one thread, and voxels seen."""
+    """Median milliseconds of a scan, its rays shared among threads and in one, and voxels seen."""
     directions = scanner.pattern.directions()
     shared, alone, seen = [], [], []
     with ThreadPoolExecutor(jobs) as pool:
-        for position in np.concatenate([positions[:2], positions]):
+        for position in np.concatenate([positions[:2], positions]):  # the first two do not count
             started = perf_counter()
             voxels = visible_voxels(scanner.grid, position, directions, 5.0, pool, jobs)
             shared.append(perf_counter() - started)
+
             started = perf_counter()
             visible_voxels(scanner.grid, position, directions, 5.0)
             alone.append(perf_counter() - started)
             seen.append(len(voxels))
-    return (
-        1e3 * float(np.median(shared[2:])),
-        1e3 * float(np.median(alone[2:])),
-        float(np.median(seen[2:])),
-    )
+
+    medians = (float(np.median(figures[2:])) for figures in (shared, alone, seen))
+    shared_s, alone_s, num_seen = medians
+    return 1e3 * shared_s, 1e3 * alone_s, num_seen
 
 
 def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, float]:
-    """How many times longer plain Python takes than the kernel in one thread, and its seconds for a whole scan."""
+    """How many times longer than the kernel plain Python takes, and its seconds for a scan."""
+    # the occupied voxels as Python's set
     grid = scanner.grid
     x, y, z = np.nonzero(grid.masks)
     occupied = set()
@@ -95,6 +98,8 @@ def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, fl
             for bit in range(64)
             if mask >> bit & 1
         )
+
+    # some rays of a scan, marched in Python
     directions = scanner.pattern.directions()
     some = directions[:: len(directions) // NUM_TWIN_RAYS]
     start = (position / grid.voxel_size + 0.5 - grid.low).tolist()
@@ -104,6 +109,8 @@ def twin_ratio(scanner: VirtualScanner, position: np.ndarray) -> tuple[float, fl
         for ray in some.tolist()
     ]
     twin_s = perf_counter() - started
+
+    # the same rays in the kernel
     times = []
     for _ in range(50):
         started = perf_counter()
@@ -118,9 +125,9 @@ def command_ms(building: Building, positions: np.ndarray, jobs: int) -> float:
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
     poses[:, :3, 3] = positions
     with tempfile.TemporaryDirectory() as folder:
-        request = RaytraceRequest("benchmark", RaytraceSettings(), ".ply", "given")
+        request = RaytraceRequest("benchmark", RaytraceSettings(), ".ply", Waypoints())
         run = RaytraceRun(Path(folder) / "out", building, request)
-        run.start(poses, {})
+        run.start(poses, RouteRecord(waypoints=len(poses), length_m=0.0, free_area_m2=0.0))
         started = perf_counter()
         count = sum(1 for _ in run.run(jobs))
         return 1e3 * (perf_counter() - started) / count
@@ -133,6 +140,8 @@ def main() -> None:
     parser.add_argument("--scans", type=int, default=40)
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
+
+    # what to scan, and from where
     building = bare_room()
     if arguments.area is not None:
         from mcpseg_cli.formats.buildings import read_building
@@ -140,6 +149,7 @@ def main() -> None:
         building = read_building(arguments.area)[0]
     scanner = VirtualScanner(building, RaytraceSettings())
     positions = positions_in(scanner, arguments.scans)
+
     command_ms(building, positions[:2], 1)  # compile the kernels
     shared, alone, seen = scan_ms(scanner, positions, arguments.jobs)
     ratio, twin_s = twin_ratio(scanner, positions[0])

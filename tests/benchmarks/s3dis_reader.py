@@ -1,4 +1,4 @@
-"""Reading a synthetic S3DIS area: points per second from text, from the cache, and with numpy.loadtxt.
+"""Reading a synthetic S3DIS area: points per second from text, the cache and numpy.loadtxt.
 
     python -m tests.benchmarks.s3dis_reader [--points 5000000] [--rooms 8]
 
@@ -53,7 +53,9 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=5_000_000)
     parser.add_argument("--rooms", type=int, default=8)
     arguments = parser.parse_args()
+
     with tempfile.TemporaryDirectory() as name:
+        # an area of random points; the kernels are compiled by another
         area = Path(name) / "Area_1"
         write_room(Path(name) / "warm", "office_1", room_objects(0, 1000))
         read_area(Path(name) / "warm", use_cache=False)
@@ -66,6 +68,8 @@ def main() -> None:
             write_room(area, room, objects)
         seconds = time.perf_counter() - start
         del rooms
+
+        # reading it, and what of that is not reading
         files = sorted(area.rglob("*.txt"))
         num_bytes = sum(file.stat().st_size for file in files)
         points = len(read_area(area, use_cache=False)[0])
@@ -84,18 +88,15 @@ def main() -> None:
             points,
             lambda: [s3dis_text.read_lines(text) for text in texts],
         )
+
+        # the cache, and what everyone has
         timed("text and writing the cache", points, lambda: read_area(area), repeats=1)
         timed("cache", points, lambda: read_area(area))
         largest = max(files, key=lambda file: file.stat().st_size)
-        timed(
-            "numpy.loadtxt",
-            LOADTXT_POINTS,
-            lambda: np.loadtxt(largest, max_rows=LOADTXT_POINTS),
-            repeats=1,
-        )
-        print(
-            f"peak memory of all this: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:,.0f} MB"
-        )
+        count = LOADTXT_POINTS
+        timed("numpy.loadtxt", count, lambda: np.loadtxt(largest, max_rows=count), repeats=1)
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+        print(f"peak memory of all this: {peak_mb:,.0f} MB")
 
 
 if __name__ == "__main__":

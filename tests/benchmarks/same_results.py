@@ -1,4 +1,4 @@
-"""Fingerprints of everything mcpseg computes, to compare before and after a change that is to change nothing.
+"""Fingerprints of everything mcpseg computes, before and after a change that is to change nothing.
 
 ``python -m tests.benchmarks.same_results -o before.json`` records them, ``--compare before.json``
 makes them again and names what differs. Results in floating point depend on the processor: record
@@ -30,10 +30,7 @@ METHODS = (
 NUM_STYLES = 7
 MAKE_BUILDING = """
 import hashlib, sys
-try:
-    from mcpseg_cli.synth import make_building
-except ModuleNotFoundError:  # where it was before 0.2
-    from mcpseg_cli.synth import make_building
+from mcpseg_cli.synth import make_building
 building = make_building(int(sys.argv[1]), seed=1, num_rooms=5)
 arrays = (building.xyz, building.rgb, building.semantic, building.instance, building.room_starts)
 digest = hashlib.sha256("\\n".join([*building.rooms, *building.object_names]).encode())
@@ -76,7 +73,7 @@ def main() -> int:
 
 
 def segment_walk(folder: Path) -> dict[str, str]:
-    """Label the example walk by every method in fp32; hash the outputs, and the scores without their times."""
+    """Label the example walk by every method in fp32; hash outputs, and scores without times."""
     found = {}
     for method in METHODS:
         out = folder / method

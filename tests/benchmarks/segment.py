@@ -25,8 +25,8 @@ from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.device import one_thread_per_operation
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
 from mcpseg_cli.networks.weights import Weights, load_weights, save_weights
-from mcpseg_cli.segment.folder import RunOptions
 from mcpseg_cli.segment.run import SegmentRun
+from mcpseg_cli.segment.run_record import RunOptions
 
 
 def run_building(
@@ -34,13 +34,13 @@ def run_building(
 ) -> dict[str, list[float]]:
     """Segment the building once; milliseconds of every scan, in all and by stage."""
     recording = open_recording(building / "scans", building / "poses.csv")[:num_scans]
-    segmenter = IncrementalSegmenter(
-        weights, SegmentSettings(floor="scan-min"), precision=precision
-    )
+    settings = SegmentSettings(floor="scan-min")
+    segmenter = IncrementalSegmenter(weights, settings, precision=precision)
+
     ms: dict[str, list[float]] = {"total": []}
     with (
         tempfile.TemporaryDirectory() as folder,
-        SegmentRun(recording, Path(folder) / "out", weights, segmenter, RunOptions()) as run,
+        SegmentRun(recording, Path(folder) / "out", segmenter, RunOptions()) as run,
     ):
         for report in run.run():
             ms["total"].append(report.ms)
@@ -60,29 +60,27 @@ def median_ms(function, repeat: int = 200) -> float:
 
 @torch.inference_mode()
 def network_stage(weights: Weights, building: Path) -> dict[str, float]:
-    """Milliseconds of the whole network stage at 256 new voxels, and of its two large matrix products alone."""
+    """Milliseconds of the network stage at 256 new voxels, and of its two large products alone."""
     figures = {}
     rng = np.random.default_rng(0)
     for name, dtype in (("fp32", torch.float32), ("bf16", torch.bfloat16)):
         segmenter = IncrementalSegmenter(weights, SegmentSettings(floor="scan-min"), precision=name)
         for source in open_recording(building / "scans", building / "poses.csv")[:40]:
             segmenter.register_scan(read_scan(source, "map", 0.1)[0])
-        ids = rng.permutation(
-            np.arange(len(segmenter.map) - 256, len(segmenter.map), dtype=np.int32)
-        )
+
+        # the products alone
         points, layer = torch.randn(12800, 6, dtype=dtype), torch.randn(6, 200, dtype=dtype)
         hidden, square = torch.randn(12800, 200, dtype=dtype), torch.randn(200, 200, dtype=dtype)
         figures[f"{name} products alone"] = median_ms(
-            lambda points=points, layer=layer, hidden=hidden, square=square: (
-                points @ layer,
-                hidden @ square,
-            )
+            lambda a=points, b=layer, c=hidden, d=square: (a @ b, c @ d)
         )
+
+        # the whole stage
+        last = np.arange(len(segmenter.map) - 256, len(segmenter.map), dtype=np.int32)
+        inputs = (segmenter.map, rng.permutation(last), source.pose[:3, 3], 0.0, rng)
         with one_thread_per_operation():
             figures[f"{name} stage"] = median_ms(
-                lambda run=segmenter.method._run_batches, map_=segmenter.map, ids=ids, at=source.pose[:3, 3]: (
-                    run(map_, ids, at, 0.0, rng)
-                )
+                lambda run=segmenter.method._run_batches, inputs=inputs: run(*inputs)
             )
     return figures
 
@@ -95,30 +93,32 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3)
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
+
+    # the authors' weights
     reference = arguments.shared / "reference"
     poses = len(read_poses(reference / "building/poses.csv"))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "area5.safetensors"
         save_weights(path, *import_checkpoint(reference / "checkpoints/mcpnet_model_s3dis_5.ckpt"))
         weights = load_weights(path)
-    run_building(reference / "building", weights, "fp32", 5)  # compile the kernels
+
+    # compile the kernels first
+    run_building(reference / "building", weights, "fp32", 5)
     figures: dict[str, object] = {
         "scans": poses,
         "threads": arguments.threads,
         "network_ms_at_256": network_stage(weights, reference / "building"),
     }
+
+    # the fastest of some runs
+    building = reference / "building"
     for precision in ("fp32", "bf16"):
-        runs = [
-            run_building(reference / "building", weights, precision)
-            for _ in range(arguments.repeat)
-        ]
+        runs = [run_building(building, weights, precision) for _ in range(arguments.repeat)]
         best = min(runs, key=lambda run: np.median(run["total"]))
         figures[precision] = {
             "median_ms": [round(float(np.median(run["total"])), 2) for run in runs],
             "p95_ms": [round(float(np.percentile(run["total"], 95)), 2) for run in runs],
-            "stages_ms": {
-                stage: round(float(np.median(values)), 2) for stage, values in best.items()
-            },
+            "stages_ms": {name: round(float(np.median(ms)), 2) for name, ms in best.items()},
         }
     print(json.dumps(figures, indent=1))
 

@@ -1,4 +1,4 @@
-"""Time of a training step of MCPNet: plain layers and Adam as torch gives them, against ours, in the same run.
+"""Time of a training step of MCPNet: layers and Adam as torch gives them, against ours.
 
     python -m tests.benchmarks.training [--threads 2] [--steps 100]
 

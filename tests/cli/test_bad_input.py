@@ -1,4 +1,4 @@
-"""Malformed input at the command line: exit code 1 and one line that says what, where and what to do."""
+"""Malformed input at the command line: exit code 1 and one line: what, where and what to do."""
 
 import json
 import pickle
@@ -91,7 +91,7 @@ def run(case: Case, *options: str) -> tuple[int, str, str]:
 
 
 def assert_one_line(stderr: str, named: str, *expected: str) -> None:
-    """Check the form of a message: one line, ``mcpseg: FILE: found; expected …; remedy``, with ``expected`` in it."""
+    """Check the form of a message: one line, ``mcpseg: FILE: found; expected …; remedy``."""
     lines = stderr.splitlines()
     assert len(lines) == 1, stderr
     assert lines[0].startswith("mcpseg: ")
@@ -527,5 +527,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
     assert result.exit_code == 1
     assert "set NUMBA_CACHE_DIR" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+    # a bug stays a traceback
     said = "something else"
     assert isinstance(CliRunner().invoke(app, words).exception, RuntimeError)

@@ -1,4 +1,4 @@
-"""``mcpseg eval`` in pipelines: several runs, CSV, demands, pictures, and a run followed scan by scan."""
+"""``mcpseg eval`` in pipelines: several runs, CSV, demands, pictures, and a run scan by scan."""
 
 import csv
 import io
@@ -28,10 +28,8 @@ def pair(tmp_path) -> tuple[Path, Path]:
 def run(make_recording, tmp_path, weights_path) -> Path:
     """A run over four scans."""
     scans, poses = make_recording(tmp_path / "input")
-    assert (
-        invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "-q").exit_code
-        == 0
-    )
+    result = invoke("segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "-q")
+    assert result.exit_code == 0
     return tmp_path / "out"
 
 
@@ -87,20 +85,13 @@ def test_demands_that_are_met_exit_0(pair):
 
 
 def test_demands_that_are_not_met_exit_1_and_are_named_after_the_scores(pair):
-    demands = (
-        "--fail-under",
-        "miou=0.999",
-        "--fail-under",
-        "nmi=0",
-        "--fail-under",
-        "iou.wall=0.9999",
-    )
-    result = invoke("eval", *pair, "--json", *demands)
+    demands = ("miou=0.999", "nmi=0", "iou.wall=0.9999")
+    options = [word for demand in demands for word in ("--fail-under", demand)]
+    result = invoke("eval", *pair, "--json", *options)
     assert result.exit_code == 1
     assert json.loads(result.stdout)["points"] == 400
-    assert re.fullmatch(
-        r"mcpseg: miou is 0\.\d+, below 0\.999; iou\.wall is 0\.\d+, below 0\.9999\n", result.stderr
-    )
+    expected = r"mcpseg: miou is 0\.\d+, below 0\.999; iou\.wall is 0\.\d+, below 0\.9999\n"
+    assert re.fullmatch(expected, result.stderr)
 
 
 @pytest.mark.parametrize(
@@ -129,9 +120,8 @@ def test_a_demand_on_a_class_that_is_nowhere_fails(tmp_path):
 
 def test_pictures_are_drawn(run, tmp_path):
     pytest.importorskip("matplotlib")
-    assert (
-        invoke("eval", run, run / "map.ply", "--plot", tmp_path / "pictures", "-q").exit_code == 0
-    )
+    options = ["--plot", tmp_path / "pictures", "-q"]
+    assert invoke("eval", run, run / "map.ply", *options).exit_code == 0
     names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
     assert names == ["class_iou.png", "confusion_matrix.png", "miou_over_scans.png"]
 
@@ -163,9 +153,8 @@ def test_flips_are_found_in_the_labelled_scans(run):
     before = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)["stability"]
     path = sorted((run / "scans").iterdir())[-1]
     cloud = read_cloud(path)
-    semantic = np.where(
-        cloud.label("semantic") == 255, 255, 1 - np.minimum(cloud.label("semantic"), 1)
-    ).astype(np.uint8)
+    semantic = cloud.label("semantic")
+    semantic = np.where(semantic == 255, 255, 1 - np.minimum(semantic, 1)).astype(np.uint8)
     write_cloud(path, Cloud(cloud.columns | {"semantic": semantic}, cloud.classes))
     after = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)["stability"]
     assert after["looks_again"] == before["looks_again"]
@@ -192,11 +181,8 @@ def test_missing_labelled_scans_are_said_and_the_map_is_scored(run):
     result = invoke("eval", run, run / "map.ply", "--json")
     scores = json.loads(result.stdout)
     assert "1 of 4 labelled scans are missing" in result.stderr
-    assert (scores["stability"], scores["over_scans"], scores["point_accuracy"]) == (
-        None,
-        None,
-        1.0,
-    )
+    assert scores["stability"] is scores["over_scans"] is None
+    assert scores["point_accuracy"] == 1.0
     assert scores["ms_per_scan"]["p50"] > 0
 
 
@@ -213,7 +199,7 @@ def cut(path: Path) -> None:
             lambda folder, run: (run / "events.jsonl").write_text("{\n"),
             "events.jsonl: line 1 that is no event",
         ),
-        (lambda folder, run: (run / "run.json").write_text("{"), "run.json: no voxel size"),
+        (lambda folder, run: (run / "run.json").write_text("{"), "run.json: not JSON"),
         (lambda folder, run: cut(folder / "gt/0.ply"), "0.ply: "),
         (lambda folder, run: (folder / "gt/0.ply").unlink(), "gt: an empty folder"),
         (
@@ -245,18 +231,8 @@ def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(
     from mcpseg_cli.segment.checkpoint import State
 
     scans, poses = make_recording(tmp_path / "input")
-    invoke(
-        "segment",
-        scans,
-        poses,
-        "-o",
-        tmp_path / "out",
-        "-w",
-        weights_path,
-        "--frame",
-        "sensor",
-        "-q",
-    )
+    options = ["-o", tmp_path / "out", "-w", weights_path, "--frame", "sensor", "-q"]
+    invoke("segment", scans, poses, *options)
     with State(tmp_path / "out/state.sqlite"):
         result = invoke("eval", tmp_path / "out", tmp_path / "out/map.ply", "--json")
     assert "in use by another mcpseg" in result.stderr
@@ -273,10 +249,8 @@ def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(
     ],
 )
 def test_clouds_that_make_no_sense_are_one_line(tmp_path, columns, classes, said):
-    plain = {axis: np.zeros(3) for axis in "xyz"} | {
-        "semantic": np.zeros(3, int),
-        "instance": np.ones(3, int),
-    }
+    plain = {axis: np.zeros(3) for axis in "xyz"}
+    plain |= {"semantic": np.zeros(3, int), "instance": np.ones(3, int)}
     write_cloud(tmp_path / "c.npz", Cloud(plain | columns, classes))
     result = invoke("eval", tmp_path / "c.npz", tmp_path / "c.npz")
     assert (result.exit_code, result.stdout, len(result.stderr.splitlines())) == (1, "", 1)

@@ -78,28 +78,27 @@ def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, 
     sensor = tmp_path / "sensor_frame"
     sensor.mkdir()
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+    # the same scans as the sensor saw them, with poses as KITTI has them
     lines = []
     for number, path in enumerate(sorted(scans.iterdir())):
         cloud, robot = read_cloud(path), np.array([0.4 * number, 0.0, 0.5])
         local = (cloud.xyz.astype(np.float64) - robot) @ turn
-        write_cloud(
-            sensor / path.name,
-            Cloud(cloud.columns | {axis: local[:, i] for i, axis in enumerate("xyz")}),
-        )
+        columns = cloud.columns | {axis: local[:, i] for i, axis in enumerate("xyz")}
+        write_cloud(sensor / path.name, Cloud(columns))
         matrix = np.column_stack([turn, robot])
         lines.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
     (tmp_path / "kitti.txt").write_text("\n".join(lines) + "\n")
+
     segment((scans, poses), tmp_path / "a", weights_path)
     result = segment(
         (sensor, tmp_path / "kitti.txt"), tmp_path / "b", weights_path, "--frame", "sensor"
     )
     assert result.exit_code == 0
-    np.testing.assert_allclose(
-        read_cloud(tmp_path / "b/map.ply").xyz,
-        read_cloud(tmp_path / "a/map.ply").xyz,
-        rtol=0,
-        atol=1e-5,
-    )
+    first, second = (read_cloud(tmp_path / name / "map.ply").xyz for name in "ab")
+    np.testing.assert_allclose(second, first, rtol=0, atol=1e-5)
+
+    # labelled scans stay in the frame of their input
     kept = read_cloud(tmp_path / "b/scans/000001.ply")
     np.testing.assert_array_equal(kept.xyz, read_cloud(sensor / "000001.ply").xyz)
 
@@ -167,15 +166,8 @@ def test_truth_scored_against_itself_is_perfect():
         invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout
     )
     assert scores["unit"] == "point"  # a cloud; a run has voxels
-    for name in (
-        "point_accuracy",
-        "miou_present",
-        "nmi",
-        "ari",
-        "homogeneity",
-        "completeness",
-        "mean_class_accuracy",
-    ):
+    names = ("point_accuracy", "miou_present", "mean_class_accuracy")
+    for name in (*names, "nmi", "ari", "homogeneity", "completeness"):
         assert scores[name] == pytest.approx(1.0)
 
 
@@ -194,12 +186,9 @@ def test_class_tables_of_different_order_are_matched_by_name(tmp_path):
 
 def test_points_without_truth_nearby_are_counted_and_not_scored(tmp_path):
     truth = read_cloud(WALK / "gt/000000.ply")
-    half = Cloud(
-        {name: column[::2] for name, column in truth.columns.items() if name != "x"}, truth.classes
-    )
-    shifted = truth.columns["x"][::2].copy()
-    shifted[:100] += 50
-    write_cloud(tmp_path / "half.ply", Cloud({"x": shifted, **half.columns}, truth.classes))
+    columns = {name: column[::2].copy() for name, column in truth.columns.items()}
+    columns["x"][:100] += 50
+    write_cloud(tmp_path / "half.ply", Cloud(columns, truth.classes))
     scores = json.loads(
         invoke("eval", tmp_path / "half.ply", WALK / "gt/000000.ply", "--json").stdout
     )
@@ -248,13 +237,16 @@ def test_laser_scans_in_the_sensor_frame_land_on_top_of_each_other(shared_folder
 
     laser = shared_folder / "real/laser_sensor_frame"
     recording = open_recording(laser / "scans", laser / "poses_kitti.txt")
+
+    # with the poses applied, and as they lie in the files
     shares = []
-    for frame in ("sensor", "map"):  # with the poses applied, and as they lie in the files
+    for frame in ("sensor", "map"):
         first, second = (read_scan(source, frame, 0.1)[0].xyz for source in recording[:2])
         distance, _ = KDTree(first).query(second[::20])
         shares.append((distance < 0.1).mean())
     assert shares[0] > 0.8
     assert shares[1] < 0.6
+
     options = ["--frame", "sensor", "-q", "--json"]
     result = invoke(
         "segment", laser / "scans", laser / "poses_kitti.txt", "-o", tmp_path / "out", *options
@@ -269,35 +261,6 @@ def test_the_robot_loop_of_the_examples_runs(tmp_path):
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout
-
-
-def test_the_python_of_the_readme_runs(make_recording, tmp_path):
-    from mcpseg_cli.formats.recording import open_recording, read_scan
-
-    scans = [
-        read_scan(source, "map", 0.1)[0]
-        for source in open_recording(*make_recording(tmp_path / "input"))
-    ]
-    code = re.search(
-        r"```python\n(from mcpseg_cli.scan.*?)```",
-        (REPOSITORY / "README.md").read_text(),
-        re.DOTALL,
-    ).group(1)
-    names = {"driver": [(scan.xyz, scan.rgb, scan.pose) for scan in scans]}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert names["segmenter"].num_scans == 4
-    assert sum(item.num_points for item in names["objects"]) == len(names["segmenter"].map)
-
-
-def test_the_open3d_lines_of_the_readme_run(make_recording, tmp_path, weights_path, monkeypatch):
-    segment(make_recording(tmp_path / "input"), tmp_path / "out", weights_path)
-    monkeypatch.chdir(tmp_path)
-    code = re.search(
-        r"```python\n(import open3d.*?)```", (REPOSITORY / "README.md").read_text(), re.DOTALL
-    ).group(1)
-    names = {}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert len(names["on_floor"]) == len(read_cloud(tmp_path / "out/map.ply"))
 
 
 def test_overwrite_never_touches_the_input(make_recording, tmp_path, weights_path):
@@ -318,23 +281,13 @@ def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weight
     assert "only 0 of 3,200 points lie within --range 2 of their pose" in result.stderr
 
 
-def test_every_mcpseg_command_of_the_readme_parses():
-    text = (REPOSITORY / "README.md").read_text()
-    commands = re.findall(r"^mcpseg (\S+)(.*?)(?:\||#|$)", text, re.MULTILINE)
-    assert len(commands) >= 5
-    for name, rest in commands:
-        options = re.findall(r" (--?[a-z-]+)", rest)
-        help_text = invoke(name, "--help").stdout
-        assert all(option in help_text for option in options), (name, options)
-
-
 @pytest.mark.parametrize(
     ("name", "labels", "found"),
     [
-        ("semantic", np.full(9, 300), "semantic from 300 to 300"),
-        ("semantic", np.full(9, np.nan), "semantic from nan"),
-        ("semantic", np.full(9, "wall"), "semantic is"),
-        ("instance", np.zeros((9, 2), int), "instance is"),
+        ("semantic", np.full(9, 300), "class 300 (point 0)"),
+        ("semantic", np.full(9, np.nan), "semantic nan (point 0)"),
+        ("semantic", np.full(9, "wall"), "semantic <U4 (9,)"),
+        ("instance", np.zeros((9, 2), int), "instance int64 (9, 2)"),
     ],
 )
 def test_eval_names_labels_that_make_no_sense(tmp_path, name, labels, found):
@@ -364,14 +317,13 @@ def test_every_file_of_the_truth_may_have_its_own_class_order(tmp_path):
     for number in (0, 1):
         truth = read_cloud(WALK / f"gt/00000{number}.ply")
         classes, semantic = truth.classes, truth.label("semantic")
+        # the table of the second file is turned round
         if number:
-            classes, semantic = (
-                tuple(reversed(classes)),
-                (len(classes) - 1 - semantic).astype(np.uint8),
-            )
-        write_cloud(
-            tmp_path / f"gt/{number}.ply", Cloud(truth.columns | {"semantic": semantic}, classes)
-        )
+            classes = tuple(reversed(classes))
+            semantic = (len(classes) - 1 - semantic).astype(np.uint8)
+        labelled = Cloud(truth.columns | {"semantic": semantic}, classes)
+        write_cloud(tmp_path / f"gt/{number}.ply", labelled)
+
     for number in (0, 1):
         scores = json.loads(
             invoke("eval", WALK / f"gt/00000{number}.ply", tmp_path / "gt", "--json").stdout
@@ -384,20 +336,9 @@ def test_eval_of_the_truth_itself_finds_every_object():
         invoke("eval", WALK / "gt/000000.ply", WALK / "gt/000000.ply", "--json").stdout
     )
     assert scores["scored_over"] == "whole map"
-    names = (
-        "ami",
-        "v_measure",
-        "cluster_ratio",
-        "precision_50",
-        "pq",
-        "sq",
-        "rq",
-        "pq_with_stuff",
-        "ap",
-        "ap50",
-        "ap25",
-    )
-    for name in (*names, "mcov", "mwcov", "mprec", "mrec"):
+    clusters = ("ami", "v_measure", "cluster_ratio")
+    objects = ("precision_50", "pq", "sq", "rq", "pq_with_stuff", "ap", "ap50", "ap25")
+    for name in (*clusters, *objects, "mcov", "mwcov", "mprec", "mrec"):
         assert scores[name] == pytest.approx(1.0), name
     assert 0.0 < scores["object_accuracy"] <= 1.0  # objects of 50 points or fewer are never found
 
@@ -423,25 +364,18 @@ def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
     import signal
     import time
 
-    scans, poses = make_recording(tmp_path / "input", num_scans=300)
-    arguments = [
-        "segment",
-        str(scans),
-        str(poses),
-        "-o",
-        str(tmp_path / "out"),
-        "-w",
-        str(weights_path),
-        "-q",
-    ]
-    arguments.append("--overwrite")
+    recording = make_recording(tmp_path / "input", num_scans=300)
+    words = ["segment", *recording, "-o", tmp_path / "out", "-w", weights_path, "-q", "--overwrite"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "mcpseg_cli", *arguments], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "mcpseg_cli", *map(str, words)], stderr=subprocess.PIPE, text=True
     )
+
+    # in the midst of it
     events = tmp_path / "out/events.jsonl"
     while process.poll() is None and not (events.exists() and events.stat().st_size):
         time.sleep(0.005)
     process.send_signal(signal.SIGTERM)
+
     stderr = process.communicate(timeout=60)[1]
     assert "continue with: mcpseg segment" in stderr
     assert "--overwrite" not in stderr  # following the advice must not start again

@@ -6,12 +6,10 @@ import typer
 from mcpseg_cli.cli.settings import settings_of
 from mcpseg_cli.config import RaytraceSettings, SegmentSettings
 
-RANGE = {"local_range": "--range"}
-
 
 def test_what_is_not_given_has_its_default_or_comes_from_before():
     given = {"voxel_size": 0.2, "local_range": None, "seed": None}
-    settings = settings_of(SegmentSettings, given, RANGE, before={"local_range": 3.0, "seed": 4})
+    settings = settings_of(SegmentSettings, given, before={"local_range": 3.0, "seed": 4})
     assert settings == SegmentSettings(voxel_size=0.2, local_range=3.0, seed=4)
     assert settings_of(SegmentSettings, {"floor": "0.25"}).floor == 0.25
 
@@ -31,11 +29,10 @@ def test_what_is_given_wins():
 )
 def test_a_value_that_cannot_be_is_named_by_its_option(given, said):
     with pytest.raises(typer.BadParameter, match="^" + said):
-        settings_of(SegmentSettings, given, RANGE)
+        settings_of(SegmentSettings, given)
 
 
 def test_options_that_contradict_each_other_are_both_named():
     given = {"lowest_deg": 50.0, "highest_deg": 20.0}
-    options = {"lowest_deg": "--v-min", "highest_deg": "--v-max"}
-    with pytest.raises(typer.BadParameter, match="^--v-min must be below --v-max$"):
-        settings_of(RaytraceSettings, given, options)
+    with pytest.raises(typer.BadParameter, match=r"^--v-min must be below --v-max$"):
+        settings_of(RaytraceSettings, given)

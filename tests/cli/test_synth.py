@@ -1,7 +1,6 @@
 """``mcpseg synth`` as people type it, and the way from nothing to scores."""
 
 import json
-import re
 import resource
 import signal
 import subprocess
@@ -114,7 +113,7 @@ def test_another_seed_in_the_same_folder_is_refused_and_overwrite_replaces(tmp_p
     before = texts_of(tmp_path / "Area_1")
     result = invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6")
     assert result.exit_code == 1
-    assert "made with another seed" in result.stderr
+    assert "made with --seed 5, now 6; expected the same" in result.stderr
     assert texts_of(tmp_path / "Area_1") == before
     assert invoke("synth", tmp_path / "Area_1", *SMALL, "--seed", "6", "--overwrite").exit_code == 0
     assert texts_of(tmp_path / "Area_1") != before
@@ -147,6 +146,19 @@ def test_a_forged_record_deletes_nothing_outside_the_rooms(area, tmp_path, plann
     invoke("synth", tmp_path / "Area_1", *SMALL, "--overwrite")
     assert (tmp_path / "precious").is_dir()
     assert (tmp_path / "Area_1/mine").is_dir()
+
+
+@pytest.mark.parametrize(
+    "change", [{"planned": ["../precious"]}, {"rooms": [{"name": "office_1"}]}, {"unknown": 1},
+               {"rooms": [{"name": "office_1", "points": {"tree": 1}, "objects": {}}]}]
+)  # fmt: skip
+def test_a_record_with_other_content_is_one_line(area, tmp_path, change):
+    (tmp_path / "Area_1").mkdir()
+    record = json.loads((area / "synth.json").read_text()) | change
+    (tmp_path / "Area_1/synth.json").write_text(json.dumps(record))
+    result = invoke("synth", tmp_path / "Area_1", *SMALL)
+    assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1)
+    assert "not what mcpseg synth wrote" in result.stderr
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"rooms": 4}', "null"])
@@ -185,28 +197,11 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
 def test_from_nothing_to_scores(area, tmp_path, weights_path):
     coarse = ("--step", "1.5", "--h-res", "3", "--v-res", "3", "-q")
     assert invoke("raytrace", area, "-o", tmp_path / "r", *coarse).exit_code == 0
-    scans = invoke(
-        "segment",
-        tmp_path / "r/scans",
-        tmp_path / "r/poses.csv",
-        "-o",
-        tmp_path / "o",
-        "-w",
-        weights_path,
-    )
+    recording, options = (tmp_path / "r/scans", tmp_path / "r/poses.csv"), ("-w", weights_path)
+    scans = invoke("segment", *recording, "-o", tmp_path / "o", *options)
     assert scans.exit_code == 0
     scores = json.loads(invoke("eval", tmp_path / "o", tmp_path / "r/gt", "--json").stdout)
     assert scores["covered"] == scores["points"] > 500
-
-
-def test_the_python_lines_of_the_readme_run():
-    text = (REPOSITORY / "README.md").read_text()
-    code = re.search(
-        r"```python\n(from mcpseg_cli.config import RaytraceSettings.*?)```", text, re.DOTALL
-    ).group(1)
-    names: dict = {}
-    exec(compile(code, "README.md", "exec"), names)  # our own text
-    assert len(names["scan"].points) > 1000
 
 
 def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):

@@ -24,19 +24,23 @@ MIN_POINTS = 3
 
 @st.composite
 def scenes(draw):
-    """Labels of a few dozen points: true and predicted class and object, unit and confidence; some unknown or none."""
+    """Labels of a few dozen points, true and predicted, some unknown or none; unit, confidence."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     size = int(rng.integers(1, 90))
     classes = np.array([0, 1, 2, 1, 0, 2, UNKNOWN, 1])
+
+    # objects, in predictions joined and strewn with others
     instance_true = np.sort(rng.integers(0, 8, size))
-    noise = rng.random(size) < rng.choice([0.0, 0.2, 0.6])
-    instance_pred = np.where(
-        noise, rng.integers(0, 12, size), instance_true // rng.integers(1, 3) + 3
-    )
+    is_noise = rng.random(size) < rng.choice([0.0, 0.2, 0.6])
+    noise = rng.integers(0, 12, size)
+    instance_pred = np.where(is_noise, noise, instance_true // rng.integers(1, 3) + 3)
+
+    # their classes, a fifth of the predicted ones at random
     true = PointLabels(np.where(rng.random(size) < 0.05, 0, classes[instance_true]), instance_true)
-    semantic_pred = np.where(
-        rng.random(size) < 0.2, rng.choice([0, 1, 2, UNKNOWN], size), classes[instance_pred % 8]
-    )
+    is_noise = rng.random(size) < 0.2
+    noise = rng.choice([0, 1, 2, UNKNOWN], size)
+    semantic_pred = np.where(is_noise, noise, classes[instance_pred % 8])
+
     unit = np.sort(rng.integers(0, 2, size)) * 7
     return true, PointLabels(semantic_pred, instance_pred), unit, rng.choice([0.25, 0.5, 1.0], size)
 
@@ -96,6 +100,8 @@ def slow_precision(trues, preds, confidence, valid, threshold):
         ]
         if not large:
             continue
+
+        # true objects take their predictions in the order of ids
         scores, missed, taken = [], 0, []
         for a in large:
             current = None
@@ -112,6 +118,8 @@ def slow_precision(trues, preds, confidence, valid, threshold):
                 missed += 1
             else:
                 scores.append((current, True))
+
+        # predictions that meet nothing, unless most of them is void
         for b, score in theirs:
             if not any(iou_of(a, b) > threshold for a in own):
                 ignored = len(b - valid) + sum(len(a & b) for a in own if len(a) < MIN_POINTS)
@@ -122,7 +130,7 @@ def slow_precision(trues, preds, confidence, valid, threshold):
 
 
 def slow_area(scores, missed):
-    """The evaluator's sum: precision at each threshold times half the recall between its neighbours."""
+    """The evaluator's sum: precision at thresholds, times half the recall between neighbours."""
     curve = []
     for least in sorted({score for score, _ in scores}):
         kept = [right for score, right in scores if score >= least]
@@ -139,8 +147,10 @@ def slow_coverage(trues, preds, valid):
         max([iou_of(a, b) for b, t, v in preds if (t, v) == (s, u)], default=0.0)
         for a, s, u in trues
     ]
+
     covered, weighted, right, found = [], [], [], []
     for label in range(NUM_CLASSES):
+        # coverage, room by room
         rooms = []
         for room in {u for _, s, u in trues if s == label}:
             own = [
@@ -150,6 +160,8 @@ def slow_coverage(trues, preds, valid):
             ]
             weight = sum(size * iou for size, iou in own) / sum(size for size, _ in own)
             rooms.append((mean([iou for _, iou in own]), weight))
+
+        # precision and recall, all rooms together
         same = [a for a, s, _ in trues if s == label]
         hits = [
             max([iou_of(a, b) for a in same], default=0) >= 0.5 for b, t, _ in preds if t == label
@@ -199,7 +211,7 @@ def test_average_precision_equals_a_slow_twins(scene):
 
 
 def scene_of(*groups):
-    """Labels from groups of (points, true class, true object, predicted class, predicted object)."""
+    """Labels of groups of (points, true class, true object, predicted class, predicted object)."""
     table = np.concatenate([np.tile(group[1:], (group[0], 1)) for group in groups])
     return PointLabels(table[:, 0], table[:, 1]), PointLabels(table[:, 2], table[:, 3])
 
@@ -209,7 +221,8 @@ def test_object_accuracy_counts_true_objects_met_by_a_larger_prediction_of_their
         (60, 0, 1, 0, 1), (40, 0, 1, 0, 2), (60, 1, 2, 2, 3), (50, 2, 3, 2, 4), (51, 2, 4, 2, 5)
     )
     overlaps = find_overlaps(true, pred, 3)
-    assert object_accuracy(overlaps) == 2 / 4  # object 2 has another class, object 3 only 50 points
+    # object 2 has another class, object 3 only 50 points
+    assert object_accuracy(overlaps) == 2 / 4
     assert precision_50(overlaps) == 3 / 5
 
 
@@ -307,25 +320,24 @@ def test_maps_without_objects_score_zero():
 @given(scenes())
 def test_renumbering_the_objects_and_shuffling_the_points_changes_nothing(scene):
     true, pred, unit, confidence = scene
-    order = np.random.default_rng(0).permutation(len(unit))
     first = find_overlaps(true, pred, NUM_CLASSES, unit=unit, confidence=confidence)
+
+    # the same points in another order, the objects with other ids
+    order = np.random.default_rng(0).permutation(len(unit))
     ids = np.where(pred.instance[order] > 0, 1000 - pred.instance[order], 0)
-    moved = (
-        PointLabels(true.semantic[order], true.instance[order]),
-        PointLabels(pred.semantic[order], ids),
-    )
-    second = find_overlaps(*moved, NUM_CLASSES, unit=unit[order], confidence=confidence[order])
-    assert panoptic_quality(first, stuff=(1,)).pq == pytest.approx(
-        panoptic_quality(second, stuff=(1,)).pq
-    )
+    true = PointLabels(true.semantic[order], true.instance[order])
+    pred = PointLabels(pred.semantic[order], ids)
+    second = find_overlaps(true, pred, NUM_CLASSES, unit=unit[order], confidence=confidence[order])
+
+    qualities = [panoptic_quality(overlaps, stuff=(1,)).pq for overlaps in (first, second)]
+    precisions = [average_precision(overlaps, min_points=1).ap for overlaps in (first, second)]
+    assert qualities[0] == pytest.approx(qualities[1])
+    assert precisions[0] == pytest.approx(precisions[1])
     assert coverage(first).mwcov == pytest.approx(coverage(second).mwcov)
-    assert average_precision(first, min_points=1).ap == pytest.approx(
-        average_precision(second, min_points=1).ap
-    )
 
 
 def pixels(text, void="2"):
-    """Labels from words of category and number: categories 0, 1 are things, 6, 7 stuff, ``void`` unknown."""
+    """Labels from words of category and number: 0 and 1 are things, 6 and 7 stuff, void unknown."""
     words = text.split()
     classes = {"0": 0, "1": 1, "6": 2, "7": 3, void: UNKNOWN}
     return PointLabels(
@@ -356,6 +368,7 @@ def test_without_classes_a_prediction_of_another_class_is_right():
 @settings(max_examples=60, deadline=None)
 @given(scenes())
 def test_joined_places_equal_units_of_one(scene):
+    # the whole with units, and each unit by itself
     true, pred, unit, confidence = scene
     parts = [unit == number for number in np.unique(unit)]
     whole = find_overlaps(true, pred, NUM_CLASSES, unit=unit, confidence=confidence)
@@ -368,6 +381,7 @@ def test_joined_places_equal_units_of_one(scene):
         )
         for part in parts
     ]
+
     joined = join_overlaps(apart)
     assert panoptic_quality(joined).pq == pytest.approx(panoptic_quality(whole).pq)
     assert average_precision(joined, min_points=1).ap == pytest.approx(

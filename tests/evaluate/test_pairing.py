@@ -11,7 +11,8 @@ from scipy.spatial import KDTree
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.evaluate.pairing import NearestPoints, pair_with_truth
+from mcpseg_cli.evaluate.nearest_points import NearestPoints
+from mcpseg_cli.evaluate.pairing import pair_with_truth
 from mcpseg_cli.evaluate.truth import open_truth
 from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.hdf5 import write_building_h5
@@ -38,11 +39,15 @@ def test_the_nearest_points_are_those_of_a_kd_tree(seed, num_parts, offset):
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(0, 0.4, (int(rng.integers(1, 60)), 3)) + offset
     offered = rng.uniform(-0.1, 0.5, (int(rng.integers(1, 200)), 3)) + offset
+
+    # offered part by part
     nearest = NearestPoints(xyz, REACH)
     found, num_near = np.full(len(xyz), -1), 0
     for part in np.array_split(np.arange(len(offered)), num_parts):
         ids, rows, near = nearest.offer(offered[part])
         found[ids], num_near = part[rows], num_near + near
+
+    # all at once
     distance, expected = KDTree(offered).query(xyz, distance_upper_bound=REACH + 1e-6)
     np.testing.assert_array_equal(found, np.where(np.isfinite(distance), expected, -1))
     back = KDTree(xyz).query(offered, distance_upper_bound=REACH + 1e-6)[0]
@@ -87,6 +92,34 @@ def test_class_tables_without_a_common_name_are_refused(tmp_path):
         pair_with_truth(np.zeros((1, 3)), truth, CLASSES, REACH)
 
 
+def write_parts(folder: Path, *tables) -> Path:
+    """Write a part of truth for each class table, of one point of class 1."""
+    for number, classes in enumerate(tables):
+        write_truth(folder / f"{number}.ply", [[number, 0, 0]], [1], [1], classes)
+    return folder
+
+
+def test_without_a_table_the_first_that_the_truth_names_is_taken(tmp_path):
+    truth = open_truth(write_parts(tmp_path / "gt", ("sofa", "wall"), ("wall", "sofa", "lamp")))
+    paired = pair_with_truth(np.array([[0, 0, 0], [1, 0, 0.0]]), truth, (), REACH)
+    assert (paired.classes, paired.is_named) == (("sofa", "wall"), True)
+    assert (paired.semantic.tolist(), paired.other_classes) == ([1, 0], {"lamp": 0})
+
+
+def test_without_any_table_the_truth_says_how_many_classes_there_are(tmp_path):
+    truth = open_truth(write_parts(tmp_path / "gt", (), ()))
+    paired = pair_with_truth(np.array([[0, 0, 0], [5, 0, 0.0]]), truth, (), REACH)
+    assert (paired.classes, paired.is_named, paired.highest_class) == ((), False, 1)
+    assert paired.semantic.tolist() == [1, 255]
+
+
+def test_a_table_that_comes_after_classes_beyond_it_is_refused(tmp_path):
+    write_truth(tmp_path / "gt/1.ply", [[0, 0, 0]], [0], [1], classes=("wall",))
+    truth = open_truth(write_parts(tmp_path / "gt", ()))
+    with pytest.raises(InputError, match=r"gt: class 1; expected 0 to 0"):
+        pair_with_truth(np.zeros((1, 3)), truth, (), REACH)
+
+
 def test_classes_beyond_the_table_are_refused_when_the_truth_names_none(tmp_path):
     truth = open_truth(write_truth(tmp_path / "gt.ply", [[0, 0, 0]], [7], [1], classes=()))
     with pytest.raises(InputError, match=r"class 7 \(point 0\); expected 0 to 2"):
@@ -114,10 +147,10 @@ def test_an_s3dis_area_is_truth_with_rooms(tmp_path):
     rng = np.random.default_rng(0)
     points = [rng.uniform(0, 1, (20, 3)).astype(np.float32) for _ in range(3)]
     rgb = np.zeros((20, 3), np.uint8)
-    write_room(
-        tmp_path / "Area_1", "office_1", [("wall", points[0], rgb), ("chair", points[1], rgb)]
-    )
-    write_room(tmp_path / "Area_1", "office_2", [("floor", points[2], rgb)])
+    wall, chair, floor = zip(("wall", "chair", "floor"), points, 3 * [rgb], strict=True)
+    write_room(tmp_path / "Area_1", "office_1", [wall, chair])
+    write_room(tmp_path / "Area_1", "office_2", [floor])
+
     truth = open_truth(tmp_path / "Area_1")
     paired = pair_with_truth(np.concatenate(points), truth, ("floor", "wall", "chair"), REACH)
     assert truth.rooms == ("office_1", "office_2")

@@ -1,4 +1,4 @@
-"""The script that makes the paper's tables: what it runs, what it takes for done, what it writes."""
+"""The script that makes the paper's tables: what it runs, takes for done, and writes."""
 
 import csv
 import json
@@ -12,12 +12,15 @@ from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.cli import app
+from mcpseg_cli.config import AugmentSettings
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.train.folds import find_areas
+from mcpseg_cli.train.settings_file import read_settings
 from tests.areas import write_area
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+MODELS = EXAMPLES.parent / "models"
 SMALLEST = ["--quick", "--areas", "1,6", "--rooms", "2", "--batches", "4", "--context-points", ""]
 
 
@@ -114,12 +117,17 @@ def test_every_command_has_only_options_that_exist(script):
             assert option in helps[name], (name, option)
 
 
-def test_full_training_is_the_command_that_the_bundled_baselines_were_trained_with(script):
+def test_full_training_has_the_settings_of_the_bundled_baselines(script, tmp_path):
     command = next(
         step.command for step in steps_of(script, "-o", "p") if step.command[1] == "train"
     )
-    settings = "--epochs 6 --schedule cosine --warm-up 0.1 --augment none --precision bf16 --validation-batches 300 -j 1"
-    assert settings in " ".join(command)
+    assert "--net pointnet --config p/training.toml --augment none -j 1" in " ".join(command)
+    (tmp_path / "a.toml").write_text(script.training_settings(script.read_plan([])))
+    ours, file = read_settings(tmp_path / "a.toml"), read_settings(MODELS / "pointnet.toml")
+    changes = {"architecture": "pointnet", "batch_size": 1024}
+    assert ours.train.model_copy(update=changes) == file.train
+    assert ours.samples == file.samples
+    assert AugmentSettings.off() == file.augment
 
 
 def test_areas_and_weights_made_elsewhere_are_taken_as_done(script, tmp_path):

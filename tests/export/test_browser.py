@@ -39,16 +39,15 @@ class Opened:
         self.page.wait_for_selector("body[data-state]", state="attached", timeout=1e3 * MOST_S)
 
     def note(self, entry):
-        """Note what the page complains about; that a screenshot has to wait for drawing is not the page's doing."""
+        """Note what the page complains about, but for screenshots that wait for drawing."""
         if entry.type in ("error", "warning") and "OpenGL, Performance" not in entry.text:
             self.complaints.append(entry.text)
 
     def scene(self):
         from PIL import Image
 
-        return np.asarray(
-            Image.open(io.BytesIO(self.page.screenshot(clip=SCENE))).convert("RGB")
-        ).astype(int)
+        picture = Image.open(io.BytesIO(self.page.screenshot(clip=SCENE)))
+        return np.asarray(picture.convert("RGB")).astype(int)
 
     def settled_scene(self):
         """Return the scene once it has stopped changing."""
@@ -133,6 +132,7 @@ def test_a_class_switched_off_disappears_and_comes_back(opened):
         int(text.replace(",", ""))
         for text in opened.page.locator("#legend .count").all_inner_texts()
     ]
+
     commonest = boxes.nth(int(np.argmax(counts)))
     commonest.uncheck()
     without = opened.scene_after(before)
@@ -166,15 +166,17 @@ def test_every_colouring_shows(opened, colour):
 
 
 def test_a_click_says_what_a_point_is(opened, labelled_run):
+    # a pixel in the middle of what is drawn
     opened.page.click("#top")
     scene = opened.settled_scene()
     away = (np.abs(scene - scene[0, 0]).max(axis=2) > 8).nonzero()
     middle = np.abs(np.stack(away, axis=1) - np.median(away, axis=1)).sum(axis=1).argmin()
-    opened.page.mouse.click(
-        SCENE["x"] + float(away[1][middle]), SCENE["y"] + float(away[0][middle])
-    )
+    row, column = (float(places[middle]) for places in away)
+    opened.page.mouse.click(SCENE["x"] + column, SCENE["y"] + row)
     words = opened.page.inner_text("#picked").split()
     assert {"class", "object", "confidence"} <= set(words)
+
+    # the voxel that is there
     with LabelledRun(labelled_run.out) as run:
         whole = run.whole()
     place = [float(word) for word in words[-4:-1]]
@@ -182,6 +184,7 @@ def test_a_click_says_what_a_point_is(opened, labelled_run):
     np.testing.assert_allclose(whole.xyz[nearest], place, atol=0.01)
     assert words[words.index("class") + 1] == run.classes[whole.semantic[nearest]]
     assert int(words[words.index("object") + 1]) == whole.instance[nearest]
+
     opened.page.click("#unpick")
     assert opened.page.is_hidden("#picked")
 
@@ -194,6 +197,7 @@ def test_a_name_from_a_file_cannot_act(browser, labelled_run, tmp_path):
     (tmp_path / "run/run.json").write_text(json.dumps(document))
     with LabelledRun(tmp_path / "run") as run:
         write_html(run, tmp_path / "map.html", Selection())
+
     opened = Opened(browser, tmp_path / "map.html")
     assert opened.page.evaluate("window.broken") is None
     assert opened.page.locator("#legend .name").first.inner_text().startswith(evil)

@@ -50,9 +50,8 @@ def test_a_cloud_in_parts_is_the_file_of_the_whole(labelled_run, tmp_path, suffi
     whole, parts = read_cloud(tmp_path / f"whole{suffix}"), read_cloud(tmp_path / f"parts{suffix}")
     assert (parts.classes, list(parts.columns)) == (whole.classes, list(whole.columns))
     for name, column in whole.columns.items():
-        atol = (
-            2e-4 if suffix == ".las" and name in "xyz" else 0
-        )  # the first part decides the offset
+        is_rounded = suffix == ".las" and name in "xyz"  # the first part decides the offset
+        atol = 2e-4 if is_rounded else 0
         np.testing.assert_allclose(parts.columns[name], column, rtol=0, atol=atol)
 
 
@@ -107,25 +106,21 @@ def test_pye57_finds_points_and_the_extension_the_labels(run, tmp_path):
 
     write_map(run, tmp_path / "map.e57", Selection())
     whole = run.whole()
+    types = {"semantic": np.uint8, "instance": np.longlong, "confidence": np.float32}
     with pye57.E57(str(tmp_path / "map.e57")) as file:
+        # what any reader finds
         scan = file.read_scan_raw(0, ignore_unsupported_fields=True)
         np.testing.assert_array_equal(scan["cartesianX"], whole.xyz[:, 0])
         np.testing.assert_array_equal(scan["colorBlue"], whole.rgb[:, 2])
+
+        # our own fields
         header = file.get_header(0)
         arrays, buffers = {}, pye57.libe57.VectorSourceDestBuffer()
-        for name, dtype in (
-            ("semantic", np.uint8),
-            ("instance", np.longlong),
-            ("confidence", np.float32),
-        ):
-            arrays[name] = np.empty(len(run), dtype)
-            field = f"mcpseg:{name}"
+        for name, dtype in types.items():
+            field, arrays[name] = f"mcpseg:{name}", np.empty(len(run), dtype)
             assert field in header.point_fields
-            buffers.append(
-                pye57.libe57.SourceDestBuffer(
-                    file.image_file, field, arrays[name], len(run), True, True
-                )
-            )
+            options = (field, arrays[name], len(run), True, True)
+            buffers.append(pye57.libe57.SourceDestBuffer(file.image_file, *options))
         header.points.reader(buffers).read()
     for name, array in arrays.items():
         np.testing.assert_array_equal(array, getattr(whole, name))
@@ -134,25 +129,13 @@ def test_pye57_finds_points_and_the_extension_the_labels(run, tmp_path):
 @pytest.mark.skipif(shutil.which("CloudCompare") is None, reason="CloudCompare is not installed")
 def test_cloudcompare_finds_the_labels_unasked(run, tmp_path):
     write_map(run, tmp_path / "map.ply", Selection())
-    command = [
-        "CloudCompare",
-        "-SILENT",
-        "-AUTO_SAVE",
-        "OFF",
-        "-O",
-        "map.ply",
-        "-C_EXPORT_FMT",
-        "ASC",
-        "-ADD_HEADER",
-    ]
+
+    # as text with a header
+    words = "CloudCompare -SILENT -AUTO_SAVE OFF -O map.ply -C_EXPORT_FMT ASC -ADD_HEADER"
+    command = [*words.split(), "-SAVE_CLOUDS", "FILE", "map.asc"]
     environment = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
-    subprocess.run(
-        [*command, "-SAVE_CLOUDS", "FILE", "map.asc"],
-        cwd=tmp_path,
-        env=environment,
-        check=True,
-        capture_output=True,
-    )
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+
     header, *_ = (tmp_path / "map.asc").read_text().splitlines()
     assert header.split() == ["//X", "Y", "Z", "R", "G", "B", *LABELS]
     table, whole = np.loadtxt(tmp_path / "map.asc", skiprows=1), run.whole()
@@ -167,12 +150,11 @@ def test_conditions_hold_at_once(run, tmp_path):
     selection = Selection((common,), None, least, (-1.0, -2.0, 0.1, 1.0, 2.0, 3.0))
     write_map(run, tmp_path / "some.ply", selection)
     cloud = read_cloud(tmp_path / "some.ply")
+
+    # the same, one after another
+    x, y, z = whole.xyz.T
     expected = (whole.semantic == run.classes.index(common)) & (whole.confidence >= least)
-    expected &= (
-        (np.abs(whole.xyz[:, 0]) <= 1.0)
-        & (np.abs(whole.xyz[:, 1]) <= 2.0)
-        & (whole.xyz[:, 2] >= 0.1)
-    )
+    expected &= (np.abs(x) <= 1.0) & (np.abs(y) <= 2.0) & (z >= 0.1)
     assert 0 < len(cloud) < len(run)
     np.testing.assert_array_equal(cloud.xyz, whole.xyz[expected])
 
@@ -180,10 +162,8 @@ def test_conditions_hold_at_once(run, tmp_path):
 def test_one_object_can_be_exported(run, tmp_path):
     whole = run.whole()
     wanted = int(whole.instance[-1])
-    assert (
-        write_map(run, tmp_path / "one.npz", Selection(instances=(wanted,)))
-        == (whole.instance == wanted).sum()
-    )
+    count = write_map(run, tmp_path / "one.npz", Selection(instances=(wanted,)))
+    assert count == (whole.instance == wanted).sum()
 
 
 @pytest.mark.parametrize(
@@ -243,22 +223,24 @@ def test_footprints_are_closed_rings_around_their_objects(run, tmp_path):
         (ring,) = feature["geometry"]["coordinates"]
         corners = np.array(ring)
         assert (corners[0] == corners[-1]).all()
+
+        # every point lies to the left of every edge
         edges = np.diff(corners, axis=0)
         points = whole.xyz[whole.instance == feature["id"], :2].astype(np.float64)
         offset = points[:, None] - corners[None, :-1]
         turn = edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0]
-        assert (turn > -1e-3).all()  # every point lies to the left of every edge
+        assert (turn > -1e-3).all()
 
 
 def test_every_object_becomes_a_cloud_of_its_own(run, tmp_path):
     names = run.classes[:6]
     count = write_object_clouds(run, tmp_path / "objects", ".ply", Selection(classes=names))
     expected = [item for item in run.objects() if item.class_name in names]
-    paths = sorted((tmp_path / "objects").iterdir())
-    assert [path.name for path in paths] == [
-        f"{item.id:06d}_{item.class_name}.ply" for item in expected
-    ]
     assert count == len(expected) > 0
+
+    paths = sorted((tmp_path / "objects").iterdir())
+    titles = [f"{item.id:06d}_{item.class_name}.ply" for item in expected]
+    assert [path.name for path in paths] == titles
     for path, item in zip(paths, expected, strict=True):
         cloud = read_cloud(path)
         assert len(cloud) == item.num_points
@@ -268,23 +250,23 @@ def test_every_object_becomes_a_cloud_of_its_own(run, tmp_path):
 def test_scans_get_the_final_labels_in_their_own_order(run, labelled_run, tmp_path):
     paths = list(relabel_scans(run, labelled_run.scans, tmp_path / "relabelled"))
     assert [path.name for path in paths] == [record.name for record in run.scans]
+
+    # where each voxel is in the map
     whole = run.whole()
-    place = {
-        tuple(voxel): row
-        for row, voxel in enumerate(np.floor(whole.xyz / 0.1 + 0.5).astype(int).tolist())
-    }
+    voxels = np.floor(whole.xyz / 0.1 + 0.5).astype(int).tolist()
+    place = {tuple(voxel): row for row, voxel in enumerate(voxels)}
+
     for path in paths:
         cloud, original = read_cloud(path), read_cloud(labelled_run.scans / path.name)
         for name, column in original.columns.items():
             np.testing.assert_array_equal(cloud.columns[name], column)
+
         voxels = np.floor(original.xyz.astype(np.float64) / 0.1 + 0.5).astype(int).tolist()
         rows = np.array([place.get(tuple(voxel), -1) for voxel in voxels])
-        np.testing.assert_array_equal(
-            cloud.label("instance"), np.where(rows < 0, 0, whole.instance[rows])
-        )
-        np.testing.assert_array_equal(
-            cloud.label("semantic"), np.where(rows < 0, 255, whole.semantic[rows])
-        )
+        instance = np.where(rows < 0, 0, whole.instance[rows])
+        semantic = np.where(rows < 0, 255, whole.semantic[rows])
+        np.testing.assert_array_equal(cloud.label("instance"), instance)
+        np.testing.assert_array_equal(cloud.label("semantic"), semantic)
 
 
 def test_points_out_of_range_then_have_labels_if_they_were_mapped_later(
@@ -306,9 +288,9 @@ def test_scans_that_are_not_those_of_the_run_are_refused(run, labelled_run, tmp_
         data = bytearray(path.read_bytes())
         data[-1] ^= 1
         path.write_bytes(data)
-    with pytest.raises(
-        InputError, match="no such scan" if damage == "missing" else "changed since it was labelled"
-    ):
+
+    said = {"missing": "no such scan", "changed": "changed since it was labelled"}[damage]
+    with pytest.raises(InputError, match=said):
         list(relabel_scans(run, scans, tmp_path / "relabelled"))
     assert not (tmp_path / "relabelled").exists()
 

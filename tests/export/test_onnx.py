@@ -31,6 +31,8 @@ def test_onnxruntime_answers_as_pytorch_does(architecture, tmp_path):
     names = [item.name for item in session.get_inputs()]
     outputs = [item.name for item in session.get_outputs()]
     assert names == (["centre", "context"] if weights.network.needs_context else ["centre"])
+
+    # batches of sizes it was not traced with
     rng = np.random.default_rng(1)
     for num_points in (3, 300):
         shapes = {"centre": (num_points, 6), "context": (num_points, 50, 6)}
@@ -51,10 +53,10 @@ def test_the_model_tells_its_classes_and_that_it_pools_over_a_call(tmp_path):
     assert json.loads(facts["classes"]) == list(S3DIS_CLASSES)
     assert facts["batch_size"] == "256"
     assert "pools over all N points of a call" in facts["pooling_scope"]
+
     points = np.random.default_rng(0).normal(0, 1, (40, 6)).astype(np.float32)
-    whole, half = (
-        session.run(["logits"], {"centre": part})[0][:20] for part in (points, points[:20])
-    )
+    parts = (points, points[:20])
+    whole, half = (session.run(["logits"], {"centre": part})[0][:20] for part in parts)
     assert np.abs(whole - half).max() > 1e-3
 
 

@@ -55,10 +55,8 @@ def test_the_next_objects_have_colours_far_from_one_another():
 
 
 def test_an_object_has_its_colour_in_any_company():
-    alone, in_company = (
-        instance_colours(np.array([7])),
-        instance_colours(np.array([0, 3, 7, 7, 9000])),
-    )
+    alone = instance_colours(np.array([7]))
+    in_company = instance_colours(np.array([0, 3, 7, 7, 9000]))
     assert (in_company[2] == alone[0]).all()
     assert (in_company[3] == alone[0]).all()
     assert (in_company[0] == UNKNOWN_COLOUR).all()
@@ -104,11 +102,8 @@ def draw_slowly(place, depth, radius, rgb, shape, bulge):
 
 def test_discs_are_drawn_as_the_slow_way_draws_them():
     rng = np.random.default_rng(3)
-    place, depth, radius = (
-        rng.uniform(-5, 45, (300, 2)),
-        rng.uniform(1, 9, 300),
-        rng.uniform(0.2, 4.0, 300),
-    )
+    place, depth = rng.uniform(-5, 45, (300, 2)), rng.uniform(1, 9, 300)
+    radius = rng.uniform(0.2, 4.0, 300)
     place[:3] = np.nan
     rgb = rng.integers(0, 255, (300, 3)).astype(np.uint8)
     image, nearest = draw_points(place, depth, radius, rgb, (30, 40), 0.2)
@@ -155,10 +150,7 @@ def test_shading_is_that_of_the_slow_way():
     depth = rng.uniform(1, 3, (30, 40)).astype(np.float32)
     depth[rng.random((30, 40)) < 0.3] = np.inf
     image = rng.integers(0, 255, (30, 40, 3)).astype(np.uint8)
-    found, expected = (
-        shade(image, depth, (1, 3, 7)).astype(int),
-        shade_slowly(image, depth, (1, 3, 7)).astype(int),
-    )
+    found, expected = (way(image, depth, (1, 3, 7)).astype(int) for way in (shade, shade_slowly))
     assert np.abs(found - expected).max() <= 1
 
 
@@ -203,9 +195,7 @@ def test_what_is_above_the_cut_is_left_out(run, tmp_path):
     ]
     heights = run.whole().xyz[:, 2]
     assert counts[0] < counts[1] < counts[2] == len(run)
-    assert counts[1] == pytest.approx(
-        (heights < 1.0).sum(), rel=0.03
-    )  # the floor is at 0, but for noise
+    assert counts[1] == pytest.approx((heights < 1.0).sum(), rel=0.03)  # floor at 0, but for noise
 
 
 def test_nothing_under_the_cut_is_one_line_and_leaves_no_file(run, tmp_path):
@@ -217,9 +207,8 @@ def test_nothing_under_the_cut_is_one_line_and_leaves_no_file(run, tmp_path):
 def test_a_turntable_turns(run, tmp_path):
     from PIL import Image
 
-    write_turntable(
-        run, tmp_path / "map.gif", Selection(box=(-0.5, -2, 0, 0.5, 2, 1)), PictureSettings()
-    )
+    selection = Selection(box=(-0.5, -2, 0, 0.5, 2, 1))
+    write_turntable(run, tmp_path / "map.gif", selection, PictureSettings())
     with Image.open(tmp_path / "map.gif") as file:
         assert file.n_frames == 48
         frames = []

@@ -19,7 +19,7 @@ pytest.importorskip("rerun", reason="recordings are written by rerun-sdk, the ex
 
 
 def read_recording(path):
-    """Return what was logged: by entity and component, (scan, values) in order; static values are of scan -1."""
+    """Return what was logged by entity and component: (scan, values), scan -1 where static."""
     chunk = pytest.importorskip("rerun.chunk", reason="this Rerun reads no recordings")
     logged = defaultdict(list)
     for part in chunk.RrdReader(path).stream().to_chunks():
@@ -61,6 +61,7 @@ def test_every_scan_brings_its_points_with_their_labels(run, tmp_path):
         ("positions", whole.xyz),
     ):
         np.testing.assert_array_equal(np.concatenate(points_by_scan(logged, component)), expected)
+
     times = [rows[0][0] for (entity, name), rows in sorted(logged.items()) if name == "positions"]
     assert times == np.unique(whole.scan).tolist()
 
@@ -78,10 +79,8 @@ def test_other_colours_are_written_where_asked_for(run, tmp_path):
     write_recording(run, tmp_path / "class.rrd", Selection())
     write_recording(run, tmp_path / "rgb.rrd", Selection(), "rgb")
     assert points_by_scan(read_recording(tmp_path / "class.rrd"), "colors") == []
-    colours = np.concatenate(points_by_scan(read_recording(tmp_path / "rgb.rrd"), "colors")).astype(
-        np.uint32
-    )
-    np.testing.assert_array_equal(colours >> 24, run.whole().rgb[:, 0])
+    colours = np.concatenate(points_by_scan(read_recording(tmp_path / "rgb.rrd"), "colors"))
+    np.testing.assert_array_equal(colours.astype(np.uint32) >> 24, run.whole().rgb[:, 0])
 
 
 def test_without_rerun_one_line_says_what_to_install(run, tmp_path, monkeypatch):
@@ -93,25 +92,14 @@ def test_without_rerun_one_line_says_what_to_install(run, tmp_path, monkeypatch)
 
 def segment(labelled_run, weights_path, output, *options):
     poses = labelled_run.scans.parent / "poses.csv"
-    arguments = [
-        "segment",
-        labelled_run.scans,
-        poses,
-        "-o",
-        output,
-        "-w",
-        weights_path,
-        "-q",
-        *options,
-    ]
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    arguments = (labelled_run.scans, poses, "-o", output, "-w", weights_path, "-q", *options)
+    return CliRunner().invoke(app, ["segment", *map(str, arguments)])
 
 
 def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path):
     recording = tmp_path / "live.rrd"
-    assert (
-        segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
-    )
+    result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
+    assert result.exit_code == 0
     logged = read_recording(recording)
     with LabelledRun(tmp_path / "out") as run:
         whole = run.whole()
@@ -123,9 +111,8 @@ def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path)
 def test_a_continued_run_shows_what_was_labelled_before(labelled_run, weights_path, tmp_path):
     shutil.copytree(labelled_run.out, tmp_path / "out")
     recording = tmp_path / "again.rrd"
-    assert (
-        segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording).exit_code == 0
-    )
+    result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
+    assert result.exit_code == 0
     found = np.concatenate(points_by_scan(read_recording(recording), "positions"))
     with LabelledRun(tmp_path / "out") as run:
         np.testing.assert_array_equal(found, run.whole().xyz)
@@ -147,10 +134,6 @@ def test_a_viewer_that_is_not_there_leaves_an_earlier_run_as_it_was(
 ):
     assert segment(labelled_run, weights_path, tmp_path / "out").exit_code == 0
     before = (tmp_path / "out/map.ply").read_bytes()
-    assert (
-        segment(
-            labelled_run, weights_path, tmp_path / "out", "--overwrite", "--rerun", "window"
-        ).exit_code
-        == 1
-    )
+    options = ("--overwrite", "--rerun", "window")
+    assert segment(labelled_run, weights_path, tmp_path / "out", *options).exit_code == 1
     assert (tmp_path / "out/map.ply").read_bytes() == before

@@ -1,4 +1,4 @@
-"""Point-cloud files: what goes in comes out, other programs read the same, damaged files end in InputError."""
+"""Point-cloud files: what goes in comes out, others read the same, damage is an InputError."""
 
 import io
 import struct
@@ -344,9 +344,9 @@ def test_more_vertices_than_promised_are_refused(tmp_path: Path, encoding: str) 
 
 
 def test_no_vertices_behind_a_missing_element_are_zero_points(tmp_path: Path) -> None:
-    header = b"ply\nformat binary_little_endian 1.0\nelement camera 9\nproperty float f\nelement vertex 0\n"
     (tmp_path / "a.ply").write_bytes(
-        header + b"property float x\nproperty float y\nproperty float z\nend_header\n"
+        b"ply\nformat binary_little_endian 1.0\nelement camera 9\nproperty float f\n"
+        b"element vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     )
     with pytest.raises(InputError, match="zero points"):
         read_cloud(tmp_path / "a.ply")
@@ -591,7 +591,8 @@ def write_pcd_text(
     path: Path, fields: str, sizes: str, kinds: str, counts: str, rows: list[str]
 ) -> None:
     path.write_text(
-        f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\nSIZE {sizes}\nTYPE {kinds}\nCOUNT {counts}\nWIDTH {len(rows)}\n"
+        f"# .PCD v0.7\nVERSION 0.7\nFIELDS {fields}\nSIZE {sizes}\nTYPE {kinds}\n"
+        f"COUNT {counts}\nWIDTH {len(rows)}\n"
         f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA ascii\n"
         + "".join(f"{row}\n" for row in rows)
     )
@@ -627,28 +628,16 @@ def test_every_encoding_of_a_pcd_that_open3d_writes_is_read(
 
 
 def test_a_pcd_field_of_several_numbers_keeps_all_of_them(tmp_path: Path) -> None:
-    write_pcd_text(
-        tmp_path / "a.pcd",
-        "x y z n",
-        "4 4 4 4",
-        "F F F F",
-        "1 1 1 3",
-        ["1 2 3 4 5 6", "1 2 3 7 8 9"],
-    )
+    rows = ["1 2 3 4 5 6", "1 2 3 7 8 9"]
+    write_pcd_text(tmp_path / "a.pcd", "x y z n", "4 4 4 4", "F F F F", "1 1 1 3", rows)
     np.testing.assert_array_equal(
         read_cloud(tmp_path / "a.pcd").columns["n"], [[4, 5, 6], [7, 8, 9]]
     )
 
 
 def test_padding_in_a_pcd_is_left_out(tmp_path: Path) -> None:
-    write_pcd_text(
-        tmp_path / "a.pcd",
-        "x y z _ i _",
-        "4 4 4 1 4 1",
-        "F F F U F U",
-        "1 1 1 4 1 1",
-        ["1 2 3 0 0 0 0 9 0"],
-    )
+    fields = ("x y z _ i _", "4 4 4 1 4 1", "F F F U F U", "1 1 1 4 1 1")
+    write_pcd_text(tmp_path / "a.pcd", *fields, ["1 2 3 0 0 0 0 9 0"])
     cloud = read_cloud(tmp_path / "a.pcd")
     assert {name: column.tolist() for name, column in cloud.columns.items()} == {
         "x": [1],
@@ -767,7 +756,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def read_or_refuse(path: Path, data: bytes) -> None:
-    """Read ``data``; whatever it is, it must give a sound cloud or an InputError, and no warning."""
+    """Read ``data``, which must give a sound cloud or an InputError, and no warning."""
     path.write_bytes(data)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -782,7 +771,7 @@ def read_or_refuse(path: Path, data: bytes) -> None:
 
 @st.composite
 def damage(draw: st.DrawFn) -> Callable[[bytes], bytes]:
-    """Draw one way to damage a file: flipped bits, a cut, or bytes replaced, mostly in its header."""
+    """Draw a way to damage a file: flipped bits, a cut, or other bytes, mostly in its header."""
     kind = draw(st.sampled_from(["flip", "cut", "splice"]))
     places = draw(st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=4))
     reach = draw(st.sampled_from([0.2, 1.0]))
@@ -825,38 +814,11 @@ def test_a_damaged_archive_gives_a_sound_cloud_or_an_input_error(
     read_or_refuse(tmp_path / f"a{suffix}", change(valid[suffix]))
 
 
-WORDS = st.sampled_from(
-    [
-        "ply",
-        "format",
-        "ascii",
-        "binary_little_endian",
-        "binary_big_endian",
-        "1.0",
-        "element",
-        "vertex",
-        "face",
-        "property",
-        "list",
-        "float",
-        "uchar",
-        "quad",
-        "x",
-        "y",
-        "z",
-        "end_header",
-        "comment",
-        "obj_info",
-        "-1",
-        "0",
-        "2",
-        "99999999999999999999",
-        "nan",
-        "é",
-        "",
-        "\r",
-    ]
-)
+WORDS = st.sampled_from([
+    "ply", "format", "ascii", "binary_little_endian", "binary_big_endian", "1.0", "element",
+    "vertex", "face", "property", "list", "float", "uchar", "quad", "x", "y", "z", "end_header",
+    "comment", "obj_info", "-1", "0", "2", "99999999999999999999", "nan", "é", "", "\r",
+])  # fmt: skip
 
 
 @FUZZ

@@ -150,7 +150,10 @@ def without_data(file: h5py.File) -> None:
         (replace("xyz", np.zeros((COUNT, 2), np.float32)), r"xyz float32 \(1000, 2\)"),
         (replace("xyz", np.full((COUNT, 3), np.nan, np.float32)), "NaN or infinite"),
         (replace("rgb", np.zeros((5, 3), np.uint8)), "shapes"),
-        (replace("semantic", np.full(COUNT, 13, np.uint8)), "class 13; expected below 13, or 255"),
+        (
+            replace("semantic", np.full(COUNT, 13, np.uint8)),
+            r"class 13 \(point 0\); expected 0 to 12",
+        ),
         (replace("instance", np.full(COUNT, 3, np.int32)), "objects 3 to 3; expected 0 to 2"),
         (replace("instance", np.full(COUNT, -1, np.int32)), "objects -1 to -1"),
         (replace("room_starts", np.array([0, 1200, COUNT])), "room_starts"),
@@ -293,7 +296,7 @@ def test_minus_one_is_unknown_and_no_object(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ({"semantic": None}, "no attribute semantic"),
+        ({"semantic": None}, "points without semantic"),
         ({"semantic": np.array([0, 13, 0, 0])}, r"class 13 \(point 1\); expected 0 to 12, or 255"),
         ({"semantic": np.array([0, 0, -2, 0])}, r"class -2 \(point 2\)"),
         ({"semantic": np.array([0, 0, 0.5, 0])}, r"semantic 0.5 \(point 2\)"),

@@ -48,6 +48,8 @@ def test_objects_of_a_network_without_embedding_are_connected_voxels_of_one_clas
         make_weights(architecture), SegmentSettings(similarity=0.1), precision="fp32"
     )
     walk(segmenter)
+
+    # the slow way: neighbours of one class
     ids = np.arange(len(segmenter.map), dtype=np.int32)
     rows, columns = np.nonzero((neighbours := segmenter.map.neighbours(ids)) >= 0)
     pairs = np.stack([rows, neighbours[rows, columns]])
@@ -55,6 +57,7 @@ def test_objects_of_a_network_without_embedding_are_connected_voxels_of_one_clas
     _, component = connected_components(
         coo_array((np.ones(pairs.shape[1]), pairs), shape=(len(ids), len(ids)))
     )
+
     assert len(np.unique(segmenter.semantic)) > 1
     assert same_partition(segmenter.clusters.instance, component)
 
@@ -89,19 +92,9 @@ def test_the_same_walk_gives_the_same_labels(architecture):
 
 
 def segment(folder: Path, scans: Path, poses: Path, *options: str) -> dict[str, object]:
-    command = [
-        "segment",
-        scans,
-        poses,
-        "-o",
-        folder / "out",
-        "-w",
-        folder / "w.safetensors",
-        "--json",
-        "-q",
-        *options,
-    ]
-    result = CliRunner().invoke(app, [str(word) for word in command])
+    files = (scans, poses, "-o", folder / "out", "-w", folder / "w.safetensors")
+    command = ["segment", *map(str, files), "--json", "-q", *options]
+    result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.stderr
     return json.loads(result.stdout)
 
@@ -110,14 +103,19 @@ def test_the_command_takes_a_baseline_and_continues_its_run(tmp_path, make_recor
     scans, poses = make_recording(tmp_path)
     weights = make_weights("sgpn")
     save_weights(tmp_path / "w.safetensors", weights.network, weights.info)
+
+    # all scans but the last
     last = scans / "000003.ply"
     last.rename(tmp_path / last.name)
     lines = poses.read_text()
     poses.write_text("\n".join(lines.splitlines()[:-1]))
     assert segment(tmp_path, scans, poses)["scans"] == 3
+
+    # and the last
     (tmp_path / last.name).rename(last)
     poses.write_text(lines)
     assert segment(tmp_path, scans, poses)["resumed_from"] == 3
+
     configuration = json.loads((tmp_path / "out/run.json").read_text())["configuration"]
     assert (configuration["batch_size"], configuration["similarity"]) == (1024, 0.98)
     assert len(read_cloud(tmp_path / "out/map.ply")) > 100

@@ -84,33 +84,31 @@ def test_similarity_at_the_threshold_does_not_connect():
 def test_objects_are_the_connected_components_of_all_similar_neighbours(data):
     rng = np.random.default_rng(data.draw(st.integers(0, 10**6)))
     num_scans, kinds = data.draw(st.integers(1, 6)), data.draw(st.integers(1, 4))
-    clusters, all_kinds, edges, survivors = Clusters(0.9), [], [], {}
+    clusters, all_kinds, edges = Clusters(0.9), [], []
     for _ in range(num_scans):
         start, count = len(all_kinds), int(rng.integers(0, 25))
         all_kinds += rng.integers(0, kinds, count).tolist()
+
+        # neighbours are mutual among new voxels, and reach back to old ones
         links = [set() for _ in range(count)]
-        for i in range(count):  # neighbours are mutual among new voxels, and reach back to old ones
+        for i in range(count):
             for other in rng.integers(0, start + count, int(rng.integers(0, 4))).tolist():
                 if other != start + i:
                     links[i].add(other)
                     if other >= start:
                         links[other - start].add(start + i)
+        pairs = [(start + i, j) for i, link in enumerate(links) for j in link]
+        edges += [(i, j) for i, j in pairs if all_kinds[i] == all_kinds[j]]
+
+        # what the clusters say has changed has, and nothing else
         before = clusters.instance.copy()
-        merges, changed = clusters.add(
-            embedding_of(all_kinds[start:]), neighbours_of([sorted(link) for link in links])
-        )
-        edges += [
-            (start + i, j)
-            for i, link in enumerate(links)
-            for j in link
-            if all_kinds[start + i] == all_kinds[j]
-        ]
+        neighbours = neighbours_of([sorted(link) for link in links])
+        merges, changed = clusters.add(embedding_of(all_kinds[start:]), neighbours)
         assert np.flatnonzero(before != clusters.instance[:start]).tolist() == changed.tolist()
-        survivors.update({int(old): int(new) for old, new in merges})
-        assert {int(old) for old in before} - set(clusters.instance.tolist()) == {
-            int(old) for old, _ in merges
-        }
+        gone = set(before.tolist()) - set(clusters.instance.tolist())
+        assert gone == {int(old) for old, _ in merges}
         assert all(new < old for old, new in merges)
+
     if all_kinds:
         components = reference.connected_components(len(all_kinds), edges)
         assert same_partition(clusters.instance.tolist(), components)
@@ -122,13 +120,11 @@ def test_a_restored_clustering_goes_on_as_if_never_interrupted():
     steps, total = [], 0
     for _ in range(6):
         neighbours = rng.integers(-1, max(total, 1), (20, 26)).astype(np.int32)
-        steps.append(
-            (
-                embedding_of(rng.integers(0, 3, 20).tolist()),
-                np.where(neighbours >= total, -1, neighbours),
-            )
-        )
+        embedding = embedding_of(rng.integers(0, 3, 20).tolist())
+        steps.append((embedding, np.where(neighbours >= total, -1, neighbours)))
         total += 20
+
+    # four steps before the interruption
     whole, first = Clusters(0.9), Clusters(0.9)
     original, merges = [], []
     for number, (embedding, neighbours) in enumerate(steps):
@@ -137,10 +133,13 @@ def test_a_restored_clustering_goes_on_as_if_never_interrupted():
             first.add(embedding, neighbours)
             original.append(first.instance[-20:].copy())
             merges.append(found)
+
     again = Clusters(0.9)
     again.restore(first.embedding.copy(), np.concatenate(original))
     again.restore_merges(np.concatenate(merges))
     assert again.num_objects == first.num_objects
+
+    # two after it
     for embedding, neighbours in steps[4:]:
         again.add(embedding, neighbours)
     assert sum(map(len, merges)) > 0

@@ -16,7 +16,7 @@ from mcpseg_cli.cli import app
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.offline import split_blocks
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
-from mcpseg_cli.segment import offline_run
+from mcpseg_cli.segment.run import SegmentRun
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +65,14 @@ def test_an_offline_run_labels_the_points_of_an_online_run_and_writes_every_outp
     result = offline(recording, tmp_path / "offline", pointnet, "--json")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
+
     segment(recording, tmp_path / "online", "-w", pointnet)
     clouds = [read_cloud(tmp_path / name / "map.ply") for name in ("offline", "online")]
     np.testing.assert_array_equal(clouds[0].xyz, clouds[1].xyz)
     assert (document["scans"], document["voxels"]) == (4, len(clouds[0]))
     assert document["objects"] == len(np.unique(clouds[0].label("instance")))
     assert clouds[0].label("semantic").max() < 13
+
     names = [
         sorted(path.name for path in (tmp_path / name).iterdir()) for name in ("offline", "online")
     ]
@@ -81,13 +83,11 @@ def test_labelled_scans_carry_the_final_labels(recording, tmp_path, pointnet):
     offline(recording, tmp_path / "out", pointnet)
     cloud = read_cloud(tmp_path / "out/map.ply")
     final = dict(zip(map(tuple, cloud.xyz.tolist()), cloud.label("instance").tolist(), strict=True))
+
+    # points of the scan that founded a voxel
     scan = read_cloud(tmp_path / "out/scans/000000.ply")
-    places = list(map(tuple, scan.xyz.tolist()))
-    found = [
-        (final[place], label)
-        for place, label in zip(places, scan.label("instance").tolist(), strict=True)
-        if place in final
-    ]
+    labels = zip(map(tuple, scan.xyz.tolist()), scan.label("instance").tolist(), strict=True)
+    found = [(final[place], label) for place, label in labels if place in final]
     assert len(found) > 100
     assert all(expected == label for expected, label in found)
 
@@ -114,11 +114,10 @@ def test_a_run_that_dies_before_its_commit_starts_afresh(
 ):
     offline(recording, tmp_path / "whole", pointnet)
     with monkeypatch.context() as patch:
-        patch.setattr(
-            offline_run.OfflineRun, "_commit", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
-        )
+        patch.setattr(SegmentRun, "commit_all", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         offline(recording, tmp_path / "out", pointnet)
     assert not list((tmp_path / "out/scans").iterdir())
+    assert not (tmp_path / "out/objects.json").exists()
     assert offline(recording, tmp_path / "out", pointnet).exit_code == 0
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
 
@@ -153,11 +152,14 @@ def test_a_scan_that_cannot_be_read_is_skipped_if_asked(recording, tmp_path, poi
     assert (document["scans"], document["skipped"]) == (4, ["000001.ply"])
 
 
+def test_a_recording_without_a_point_in_range_has_no_objects(recording, tmp_path, pointnet):
+    result = offline(recording, tmp_path / "out", pointnet, "--range", "0.001", "--json")
+    assert json.loads(result.stdout)["voxels"] == 0
+    assert json.loads((tmp_path / "out/objects.json").read_text()) == []
+    assert len(list((tmp_path / "out/scans").iterdir())) == 4
+
+
 def test_every_method_runs_offline(recording, tmp_path, weights_path):
     assert offline(recording, tmp_path / "mcpnet", weights_path).exit_code == 0
-    assert (
-        segment(
-            recording, tmp_path / "growing", "--method", "region-growing", "--offline"
-        ).exit_code
-        == 0
-    )
+    growing = ("--method", "region-growing", "--offline")
+    assert segment(recording, tmp_path / "growing", *growing).exit_code == 0

@@ -41,7 +41,7 @@ def normals_of(xyz: np.ndarray, position=(0.0, 0.0, 1.0)) -> np.ndarray:
 def slow_normal(
     voxel_map: VoxelMap, voxel: int, position: np.ndarray, growing: RegionGrowingSettings
 ) -> np.ndarray:
-    """The least axis of the points within reach by singular values, facing the sensor; 0 where they are no plane."""
+    """The least axis of the points within reach, facing the sensor; 0 where they are no plane."""
     cells = np.floor(voxel_map.xyz.astype(np.float64) / 0.1 + 0.5)
     near = np.abs(cells - cells[voxel]).max(axis=1) <= growing.reach
     points = voxel_map.xyz[near].astype(np.float64)
@@ -58,16 +58,15 @@ def slow_alike(
     voxel: int, neighbours: list[int], normals, rgb, growing: RegionGrowingSettings
 ) -> set[int]:
     """Which neighbours a voxel joins, in words: as ``keep_alike`` says."""
-    distance = {
-        other: math.dist(map(int, rgb[voxel]), map(int, rgb[other])) for other in neighbours
-    }
+    colours, facing = rgb.astype(int).tolist(), normals.astype(float) @ normals[voxel]
+    distance = {other: math.dist(colours[voxel], colours[other]) for other in neighbours}
+
+    # smooth
     if normals[voxel].any():
-        facing = {
-            other: float(normals[voxel].astype(float) @ normals[other].astype(float))
-            for other in neighbours
-        }
         least = math.cos(math.radians(growing.max_angle_deg)) * 32767**2
         return {o for o in neighbours if distance[o] <= growing.max_colour and facing[o] >= least}
+
+    # rough
     near = [other for other in neighbours if distance[other] <= growing.max_colour]
     return {min(near, key=lambda other: distance[other])} if near else set()
 
@@ -90,6 +89,8 @@ def test_normals_equal_the_slow_twin(seed, thickness):
 def test_who_joins_whom_equals_the_slow_twin(seed, num_known, smooth):
     rng = np.random.default_rng(seed)
     total = 24
+
+    # normals up to some degrees apart, of voxels of like colours
     turned = np.column_stack(
         [np.zeros(total), *(f(rng.normal(0, 0.25, total)) for f in (np.sin, np.cos))]
     )
@@ -100,6 +101,7 @@ def test_who_joins_whom_equals_the_slow_twin(seed, num_known, smooth):
     ).astype(np.int32)
     embedding = np.zeros((total, EMBEDDING), np.int16)
     embedding[:, :3] = normals
+
     kept = keep_alike(neighbours, embedding[num_known:], embedding[:num_known], rgb, GROWING)
     assert ((kept == neighbours) | (kept == -1)).all()
     for row in range(total - num_known):
@@ -170,6 +172,8 @@ def test_an_object_grows_over_scans_and_two_merge_when_the_gap_is_seen():
     middle = grid(np.arange(0.9, 1.6, 0.1), np.arange(-0.5, 0.51, 0.1), [0.0])
     segmenter = grow([(part, paint(part, 90), 1.0) for part in (left, right)])
     assert segmenter.clusters.num_objects == 2
+
+    # the gap
     pose = np.eye(4)
     pose[:3, 3] = 1.0, 0.0, 1.0
     update = segmenter.register_scan(Scan(middle.astype(np.float32), paint(middle, 90), pose))

@@ -1,4 +1,4 @@
-"""What every network promises to training and to the segmenter, and the steps of PointNet++ and VoxNet."""
+"""What every network promises to training and the segmenter; steps of PointNet++ and VoxNet."""
 
 from typing import get_args
 
@@ -31,19 +31,19 @@ def build(architecture: Architecture) -> Network:
 def make_input(
     network: Network, *shape: int, seed: int = 1
 ) -> tuple[torch.Tensor, torch.Tensor | None]:
-    """Points within two metres of the robot and up to three high, and context where the network needs it."""
+    """Points within two metres of the robot and up to three high, and context where needed."""
     generator = torch.Generator().manual_seed(seed)
     low, size = torch.tensor([-2.0, -2, 0, -0.5, -0.5, -0.5]), torch.tensor([4.0, 4, 3, 1, 1, 1])
     centre = torch.rand(*shape, 6, generator=generator) * size + low
-    return centre, 0.3 * torch.randn(
-        *shape, 8, 6, generator=generator
-    ) if network.needs_context else None
+    if not network.needs_context:
+        return centre, None
+    return centre, 0.3 * torch.randn(*shape, 8, 6, generator=generator)
 
 
 def total_loss(
     network: Network, centre: torch.Tensor, context: torch.Tensor | None
 ) -> torch.Tensor:
-    """The losses of the paper for one batch: a class for each corner of the room, two objects in each."""
+    """The losses of the paper: a class for each corner of the room, two objects in each."""
     semantic = (centre[:, 0] > 0) + 2 * (centre[:, 1] > 0)
     instance = 2 * semantic + (centre[:, 2] > 1.5)
     embedding, logits, similarity, confidence = network.branches(centre, context)
@@ -62,11 +62,9 @@ def test_networks_give_what_they_claim(architecture):
     assert NETWORKS[architecture].needs_context == (architecture == "mcpnet")
     assert NETWORKS[architecture].batch_size == (256 if "mcpnet" in architecture else 1024)
     assert logits.shape == (POINTS, 13)
-    assert (
-        (embedding is not None)
-        == network.has_embedding
-        == (architecture in {"mcpnet", "mcpnet-nocontext", "sgpn"})
-    )
+
+    has_embedding = architecture in {"mcpnet", "mcpnet-nocontext", "sgpn"}
+    assert (embedding is not None) == NETWORKS[architecture].has_embedding == has_embedding
     if embedding is not None:
         assert embedding.shape == (POINTS, 50)
         torch.testing.assert_close(embedding.norm(dim=1), torch.ones(POINTS))
@@ -142,11 +140,13 @@ def test_a_few_steps_of_adam_learn_a_small_batch_by_heart(architecture):
     centre, context = make_input(network, POINTS // 2)
     optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
     first = total_loss(network, centre, context).item()
+
     for _ in range(25):
         optimiser.zero_grad()
         loss = total_loss(network, centre, context)
         loss.backward()
         optimiser.step()
+
     semantic = (centre[:, 0] > 0) + 2 * (centre[:, 1] > 0)
     _, logits = network(centre, context)
     assert loss.item() < 0.6 * first

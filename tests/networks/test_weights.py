@@ -1,5 +1,6 @@
 """Weights files and TensorFlow checkpoints."""
 
+import hashlib
 import json
 import struct
 from pathlib import Path
@@ -38,6 +39,7 @@ def test_weights_come_back_with_everything_they_say(tmp_path, architecture):
     )
     network = build_network(info)
     save_weights(tmp_path / "w.safetensors", network, info)
+
     loaded = load_weights(tmp_path / "w.safetensors")
     assert loaded.info == info
     assert loaded.name == "w"
@@ -46,12 +48,9 @@ def test_weights_come_back_with_everything_they_say(tmp_path, architecture):
         torch.testing.assert_close(loaded.network.state_dict()[name], tensor, rtol=0, atol=0)
 
 
-def test_the_hash_is_that_of_the_file(tmp_path, weights_path):
-    import hashlib
-
-    assert (
-        load_weights(weights_path).sha256 == hashlib.sha256(weights_path.read_bytes()).hexdigest()
-    )
+def test_the_hash_is_that_of_the_file(weights_path):
+    expected = hashlib.sha256(weights_path.read_bytes()).hexdigest()
+    assert load_weights(weights_path).sha256 == expected
 
 
 @pytest.mark.parametrize("architecture", get_args(Architecture))
@@ -163,6 +162,8 @@ def write_bundle(prefix, tensors: dict[str, np.ndarray]) -> None:
         value += b"\x20" + varint(len(data)) + b"\x28" + varint(array.nbytes)
         entries.append((name.encode(), value))
         data += array.tobytes()
+
+    # the table of entries, the table of tables, the footer
     block = table_block(entries)
     handle = varint(0) + varint(len(block))
     index = table_block([(b"z", handle)])

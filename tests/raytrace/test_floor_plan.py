@@ -11,7 +11,7 @@ from tests.worlds import HEIGHT, box, rectangle, room, three_rooms, wall
 
 
 def slow_floor_plan(xyz, cell_size, clearance_low, clearance_high):
-    """Follow the paper's program with dictionaries: floors (a dict of heights) and free cells (a set)."""
+    """Follow the paper's program: floors are a dictionary of heights, free cells a set."""
     cells = [
         tuple(cell)
         for cell in np.floor(xyz[:, :2].astype(float) / cell_size + 0.5).astype(int).tolist()

@@ -33,7 +33,7 @@ def random_route(seed, step=0.2, count=12):
 
 
 def slow_distances(free, start):
-    """Return the length, in cells, of the shortest way from a cell to each other (Dijkstra with a heap)."""
+    """Return the cells of the shortest way from a cell to each other (Dijkstra with a heap)."""
     done, queue = {}, [(0.0, start)]
     moves = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
     while queue:

@@ -11,28 +11,38 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import write_recording
+
 _NUM_SCANS = 500
+_FEW_SCANS = 40
 _KILLS = 20
 
 
-@pytest.fixture
-def recording(make_recording, tmp_path) -> tuple[Path, Path]:
-    return make_recording(tmp_path / "input", num_scans=_NUM_SCANS)
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> tuple[Path, Path]:
+    return write_recording(tmp_path_factory.mktemp("long"), num_scans=_NUM_SCANS)
+
+
+@pytest.fixture(scope="module")
+def short_recording(tmp_path_factory) -> tuple[Path, Path]:
+    return write_recording(tmp_path_factory.mktemp("short"), num_scans=_FEW_SCANS)
+
+
+@pytest.fixture(scope="module")
+def short_outputs(short_recording, weights_path, tmp_path_factory) -> dict[str, bytes]:
+    """The outputs of a run of the short recording that nothing stopped."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    run_to_its_end(short_recording, out, weights_path)
+    return outputs_of(out)
 
 
 def command(recording, output: Path, weights_path: Path) -> list[str]:
-    scans, poses = recording
-    arguments = [
-        "segment",
-        str(scans),
-        str(poses),
-        "-o",
-        str(output),
-        "-w",
-        str(weights_path),
-        "-q",
-    ]
-    return [sys.executable, "-m", "mcpseg_cli", *arguments]
+    words = ["segment", *recording, "-o", output, "-w", weights_path, "-q"]
+    return [sys.executable, "-m", "mcpseg_cli", *map(str, words)]
+
+
+def run_to_its_end(recording, output: Path, weights_path: Path) -> None:
+    subprocess.run(command(recording, output, weights_path), check=True, capture_output=True)
 
 
 def outputs_of(folder: Path) -> dict[str, bytes]:
@@ -46,14 +56,17 @@ def num_events(folder: Path) -> int:
 
 
 def kill_at_random(process: subprocess.Popen, output: Path, rng: random.Random) -> bool:
-    """Kill while starting, or some milliseconds after the first new scan; False if the process was done before."""
+    """Kill while starting, or some milliseconds after the first new scan; False if done before."""
     before = num_events(output)
+
+    # the moment
     if rng.random() < 0.15:
         time.sleep(rng.uniform(0.0, 3.0))
     else:
         while num_events(output) == before and process.poll() is None:
             time.sleep(0.002)
         time.sleep(rng.uniform(0.0, 0.12))
+
     if process.poll() is not None:
         return False
     process.send_signal(signal.SIGKILL)
@@ -64,25 +77,22 @@ def kill_at_random(process: subprocess.Popen, output: Path, rng: random.Random) 
 def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
     recording, tmp_path, weights_path
 ):
-    subprocess.run(
-        command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True
-    )
-    rng, kills, advanced = random.Random(0), 0, 0
-    while kills < _KILLS:
+    run_to_its_end(recording, tmp_path / "whole", weights_path)
+
+    # killed again and again, each time further on
+    rng, advanced = random.Random(0), 0
+    for kills in range(_KILLS):
         before = num_events(tmp_path / "out")
         process = subprocess.Popen(
             command(recording, tmp_path / "out", weights_path), stdout=subprocess.DEVNULL
         )
-        assert kill_at_random(process, tmp_path / "out", rng), (
-            f"finished after {kills} kills: too few scans"
-        )
-        kills += 1
+        is_killed = kill_at_random(process, tmp_path / "out", rng)
+        assert is_killed, f"finished after {kills} kills: too few scans"
         advanced += num_events(tmp_path / "out") > before
-    last = subprocess.run(
-        command(recording, tmp_path / "out", weights_path), check=True, capture_output=True
-    )
-    assert last.returncode == 0
     assert advanced >= _KILLS // 2
+
+    # then left to finish
+    run_to_its_end(recording, tmp_path / "out", weights_path)
     assert len(json.loads((tmp_path / "out/objects.json").read_text())) > 0
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
     assert num_events(tmp_path / "out") == _NUM_SCANS
@@ -90,18 +100,14 @@ def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
 
 @pytest.mark.parametrize("limit_kb", [60, 300, 700])
 def test_a_full_disk_ends_with_one_line_and_resumes_after_space_is_made(
-    make_recording, tmp_path, weights_path, limit_kb
+    short_recording, short_outputs, tmp_path, weights_path, limit_kb
 ):
-    recording = make_recording(tmp_path / "input", num_scans=40)
-    subprocess.run(
-        command(recording, tmp_path / "whole", weights_path), check=True, capture_output=True
-    )
-
     def limit_file_size() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit_kb * 1024, limit_kb * 1024))
 
+    # no file can grow any more
     full = subprocess.run(
-        command(recording, tmp_path / "out", weights_path),
+        command(short_recording, tmp_path / "out", weights_path),
         preexec_fn=limit_file_size,
         capture_output=True,
         text=True,
@@ -110,11 +116,11 @@ def test_a_full_disk_ends_with_one_line_and_resumes_after_space_is_made(
     assert len(full.stderr.splitlines()) == 1
     assert "Traceback" not in full.stderr
     assert str(tmp_path / "out") in full.stderr
-    assert num_events(tmp_path / "out") < 40
-    subprocess.run(
-        command(recording, tmp_path / "out", weights_path), check=True, capture_output=True
-    )
-    assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
+    assert num_events(tmp_path / "out") < _FEW_SCANS
+
+    # there is room again
+    run_to_its_end(short_recording, tmp_path / "out", weights_path)
+    assert outputs_of(tmp_path / "out") == short_outputs
 
 
 def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(
@@ -128,9 +134,12 @@ def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(
     )
     while num_events(tmp_path / "out") < 5 and process.poll() is None:
         time.sleep(0.005)
+
+    # the scan at hand is finished first
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     done = num_events(tmp_path / "out")
+
     assert process.returncode == 130
     assert 5 <= done < _NUM_SCANS
     assert (

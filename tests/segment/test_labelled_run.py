@@ -68,8 +68,7 @@ def test_objects_are_those_of_objects_json(labelled_run):
 
 def test_progress_ends_at_the_number_of_voxels(labelled_run):
     calls = []
-    with LabelledRun(labelled_run.out) as run:
-        run.on_part = lambda done, total: calls.append((done, total))
+    with LabelledRun(labelled_run.out, lambda *progress: calls.append(progress)) as run:
         run.whole()
         assert calls[-1] == (len(run), len(run))
 
@@ -78,11 +77,11 @@ def test_a_run_that_is_being_written_is_read_without_touching_it(labelled_run, t
     out = tmp_path / "out"
     shutil.copytree(labelled_run.out, out)
     with State(out / "state.sqlite") as state:  # holds the lock, as segment does
-        state._db.execute(
-            "UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'"
-        )  # lies in the log only
+        # what is new lies in the log only
+        state._db.execute("UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'")
         before = contents(out)
         assert before["state.sqlite-wal"][0]
+
         with LabelledRun(out) as run:
             assert run.settings["frame"] == "later"
             assert len(run.whole()) == len(run)
@@ -99,7 +98,8 @@ def test_a_log_that_starts_again_meanwhile_is_copied_again(labelled_run, tmp_pat
         def copy_and_write(source, target):
             copied.append(source.name)
             target.write_bytes(source.read_bytes())
-            if len(copied) == 1:  # between the database and its log
+            # between the database and its log
+            if len(copied) == 1:
                 state._db.execute("DELETE FROM configuration WHERE key = 'seed'")
                 state._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
                 state._db.execute("DELETE FROM configuration WHERE key = 'floor'")
@@ -135,7 +135,7 @@ def test_no_room_for_the_copy_is_one_line_about_the_folder_of_temporary_files(
         (lambda out: (out / "state.sqlite").unlink(), "no state.sqlite"),
         (lambda out: (out / "run.json").unlink(), "run.json: not there"),
         (lambda out: (out / "run.json").write_text("{"), "run.json: not JSON"),
-        (lambda out: (out / "run.json").write_text("[1]"), "run.json: no class table"),
+        (lambda out: (out / "run.json").write_text("[1]"), "run.json: all of it: "),
         (lambda out: (out / "state.sqlite").write_bytes(b"x" * 9999), "damaged"),
         (lambda out: sqlite3.connect(out / "state.sqlite").execute("DROP TABLE voxels"), "damaged"),
     ],
@@ -151,7 +151,7 @@ def test_what_is_no_run_is_one_line(labelled_run, tmp_path, make, found):
 
 
 def test_a_run_without_a_voxel_is_one_line(tmp_path):
-    (tmp_path / "run.json").write_text('{"classes": ["wall"]}')
+    (tmp_path / "run.json").write_text('{"configuration": {}, "classes": ["wall"]}')
     State(tmp_path / "state.sqlite").close()
     with pytest.raises(InputError, match="without any labelled voxel"):
         LabelledRun(tmp_path)

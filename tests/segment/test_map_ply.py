@@ -1,5 +1,7 @@
 """map.ply: a valid PLY at every moment, changed in place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,8 @@ def test_the_file_opens_after_every_update_with_the_rows_so_far(tmp_path, counts
                 *(getattr(rows, name)[:count] for name in MapRows.__dataclass_fields__)
             )
             labelled.update(so_far, np.empty(0, np.int32))
+
+            # read while it is open
             cloud = read_cloud(tmp_path / "map.ply")
             assert len(cloud) == count
             np.testing.assert_array_equal(cloud.xyz, so_far.xyz)
@@ -41,30 +45,25 @@ def test_the_file_opens_after_every_update_with_the_rows_so_far(tmp_path, counts
 def test_changed_vertices_are_patched_and_the_rest_is_left_alone(tmp_path):
     before, after = rows_of(5000), rows_of(5000, instance_step=3)
     changed = np.array([0, 17, 18, 600, 4999], np.int32)
+    mixed = before.instance.copy()
+    mixed[changed] = after.instance[changed]
+
     with LabelledMap(tmp_path / "map.ply", CLASSES) as labelled:
         labelled.update(before, np.empty(0, np.int32))
-        mixed = before.instance.copy()
-        mixed[changed] = after.instance[changed]
-        labelled.update(
-            MapRows(
-                before.xyz, before.rgb, before.semantic, before.confidence, mixed, before.embedding
-            ),
-            changed,
-        )
+        labelled.update(replace(before, instance=mixed), changed)
     np.testing.assert_array_equal(read_cloud(tmp_path / "map.ply").label("instance"), mixed)
 
 
 def test_an_update_writes_only_what_changed(tmp_path, monkeypatch):
-    written = []
-    original = LabelledMap._write
-    rows = rows_of(100_000)
+    written, original, rows = [], LabelledMap._write, rows_of(100_000)
+
+    def counting(self, offset, data):
+        written.append(len(data))
+        original(self, offset, data)
+
     with LabelledMap(tmp_path / "map.ply", CLASSES) as labelled:
         labelled.update(rows, np.empty(0, np.int32))
-        monkeypatch.setattr(
-            LabelledMap,
-            "_write",
-            lambda self, offset, data: (written.append(len(data)), original(self, offset, data)),
-        )
+        monkeypatch.setattr(LabelledMap, "_write", counting)
         labelled.update(rows, np.array([5, 99_000], np.int32))
     assert sum(written) < 100
 

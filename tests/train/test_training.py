@@ -1,4 +1,4 @@
-"""The training loop on a tiny made-up world: it learns, it stops, it goes on as if nothing had been."""
+"""The training loop on a tiny made-up world: it learns, stops, goes on as if nothing had been."""
 
 import copy
 import errno
@@ -392,9 +392,20 @@ def test_a_checkpoint_of_other_settings_is_refused_with_their_names(tmp_path):
         {"settings": {"learning_rate": 0.1, "seed": 1}, "classes": ["a"]},
     )
     with pytest.raises(
-        StateError, match=r"another learning rate \(0.1, not 0.2\); expected the same.*--overwrite"
+        StateError, match=r"made with --lr 0\.1, now 0\.2; expected the same.*--overwrite"
     ):
         read_checkpoint(path, {"settings": {"learning_rate": 0.2, "seed": 1}, "classes": ["a"]})
+
+
+def test_settings_without_an_option_are_named_by_their_place_in_the_settings_file(tmp_path):
+    path = tmp_path / "a.checkpoint"
+    kept = {"settings": {"warm_up": 0.1}, "augmentation": {"grey": 0.5}, "class_table": {"a": "b"}}
+    asked = {"settings": {"warm_up": 0}, "augmentation": {"grey": 0}, "class_table": {"a": "c"}}
+    write_checkpoint(path, make_trainer().state(), kept)
+    with pytest.raises(StateError) as caught:
+        read_checkpoint(path, asked)
+    assert "[train] warm_up 0.1, now 0, and [augment] grey 0.5, now 0" in str(caught.value)
+    assert "and another class table; expected the same" in str(caught.value)
 
 
 @pytest.mark.parametrize("damage", [b"", b"\x80\x04pickle", None])

@@ -1,0 +1,72 @@
+"""What may be chosen by name: one list of values for settings, code and command line.
+
+The command line reads them before anything heavy is imported; so nothing is imported here.
+"""
+
+from typing import Literal
+
+Architecture = Literal[
+    "unet", "mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"
+]
+
+Method = Literal[
+    "unet",
+    "mcpnet",
+    "mcpnet-nocontext",
+    "pointnet",
+    "pointnet2",
+    "sgpn",
+    "voxnet",
+    "region-growing",
+]
+"""What labels: a network, or region growing (table II)."""
+
+ContextWindow = Literal["cells", "coarse"]
+"""Where context points come from: ``cells``, at most three cells away (III-B); ``coarse``, the 27
+cells of three voxels a side around the point, as in the authors' program. Weights carry which of
+the two they were trained with.
+"""
+
+Precision = Literal["auto", "fp32", "bf16"]
+"""Arithmetic of context pooling."""
+
+Frame = Literal["map", "sensor"]
+"""Frame of the scans' coordinates."""
+
+Labelling = Literal["first", "fused"]
+"""Which looks decide a voxel's class: the first (III-B), or all of them."""
+
+FloorRule = Literal["map", "scan-min"]
+
+OnError = Literal["stop", "skip"]
+"""What to do about a scan that cannot be read."""
+
+ScanFormat = Literal["ply", "las", "laz", "npz", "pcd"]
+"""Formats that scans are written in."""
+
+CloudFormat = Literal["ply", "las", "laz", "pcd", "npz", "h5", "e57"]
+"""Formats that labelled maps and objects are exported to."""
+
+ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
+"""What the colours of points say."""
+
+View = Literal["top", "cut", "perspective"]
+"""Where a picture is seen from."""
+
+Scanner = Literal["paper", "authors"]
+"""What the simulated scanner covers: all directions (III-A), or what the authors' does."""
+
+Schedule = Literal["constant", "cosine"]
+"""How the learning rate goes: as in III-D, or falling to 0."""
+
+ClassBalance = Literal["none", "sqrt"]
+"""What an error costs: the same for all classes, or by the inverse root of their frequency."""
+
+BestBy = Literal["miou", "loss"]
+"""What makes weights the best."""
+
+TrainPrecision = Literal["fp32", "bf16"]
+"""Arithmetic of the network while training."""
+
+Augmentation = Literal["default", "none"]
+"""How training batches are changed: as its settings have it by default, or not at all."""

@@ -1,0 +1,158 @@
+"""``run.json``: how a run was made, written by every call and read back by the same model."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
+
+from mcpseg_cli import __version__
+from mcpseg_cli.choices import Frame, OnError, Precision, ScanFormat
+from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.resumable import printable, write_whole
+
+if TYPE_CHECKING:
+    from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+
+_NAME = "run.json"
+_Words = Annotated[str, BeforeValidator(printable)]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run reads and writes; what decides its labels is in ``SegmentSettings``.
+
+    Attributes:
+        frame: Frame of the scans' coordinates.
+        format: Ending of the labelled scans, without its dot; None for each scan's own.
+        on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
+        offline: Whether all scans are labelled together, when the last is read.
+        command: The command line, for the record.
+    """
+
+    frame: Frame = "map"
+    format: ScanFormat | None = None
+    on_error: OnError = "stop"
+    offline: bool = False
+    command: Sequence[str] = ()
+
+
+class RunConfiguration(SegmentSettings):
+    """Everything that decides the outputs of a run: only the same continues it.
+
+    Attributes:
+        frame: Frame of the scans' coordinates.
+        format: Ending of the labelled scans, without its dot; None for each scan's own.
+        precision: Arithmetic of context pooling.
+        device: Where the network ran.
+        weights: Hash of the weights; None without any.
+        method: ``region-growing``; None for a network.
+        region_growing: Its settings; None for a network.
+        offline: Whether all scans were labelled together.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    frame: Frame = "map"
+    format: str | None = None
+    precision: Precision = "fp32"
+    device: str = "cpu"
+    weights: str | None = None
+    method: str | None = None
+    region_growing: RegionGrowingSettings | None = None
+    offline: bool = False
+
+    @classmethod
+    def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
+        """Collect it."""
+        facts = segmenter.settings.model_dump()
+        facts |= {"frame": options.frame, "format": options.format}
+        facts |= {"precision": segmenter.precision, "device": segmenter.device}
+        facts |= segmenter.method.configuration()
+        return cls.model_validate(facts | ({"offline": True} if options.offline else {}))
+
+    def as_json(self) -> dict[str, JsonValue]:
+        """Give what was set, ready for JSON; what a network has no use for is left out."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+
+class RunRecord(BaseModel):
+    """What ``run.json`` says.
+
+    Attributes:
+        mcpseg: Version that wrote it.
+        python: Version of Python.
+        command: The command line.
+        method: The network's architecture, or ``region-growing``.
+        configuration: What decided the outputs.
+        weights: Name, hash and description of the weights; None without any.
+        classes: What ``semantic`` indexes; none for a method that tells objects only, whose points
+            all have 255.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    mcpseg: str = ""
+    python: str = ""
+    command: tuple[_Words, ...] = ()
+    method: str = ""
+    configuration: RunConfiguration
+    weights: dict[str, JsonValue] | None = None
+    classes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
+        """Describe a run."""
+        weights = segmenter.method.weights
+        described: dict[str, JsonValue] | None = None
+        if weights is not None:
+            described = {"name": printable(weights.name), "sha256": weights.sha256}
+            described |= weights.info.model_dump(mode="json")
+        return cls(
+            mcpseg=__version__,
+            python=platform.python_version(),
+            command=tuple(options.command),
+            method=segmenter.method.name,
+            configuration=RunConfiguration.of(segmenter, options),
+            weights=described,
+            classes=segmenter.classes,
+        )
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read the record of a run.
+
+        Args:
+            folder: The run's.
+
+        Raises:
+            InputError: Missing, or not what ``mcpseg segment`` wrote.
+            OSError: It cannot be read.
+        """
+        path, expected = folder / _NAME, "the description of the run"
+        remedy = "run 'mcpseg segment' on this folder again, which writes it"
+        try:
+            return cls.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        except FileNotFoundError as error:
+            raise InputError(path, "not there", expected, remedy) from error
+        except ValidationError as error:
+            problem = error.errors()[0]
+            place = ".".join(map(str, problem["loc"])) or "all of it"
+            raise InputError(path, f"{place}: {problem['msg']}", expected, remedy) from error
+        except (ValueError, RecursionError) as error:
+            raise InputError(path, "not JSON", expected, remedy) from error
+
+    def write(self, folder: Path) -> None:
+        """Write the record into the folder of the run.
+
+        Raises:
+            OSError: The disk is full.
+        """
+        document = self.model_dump(mode="json") | {"configuration": self.configuration.as_json()}
+        write_whole(folder / _NAME, json.dumps(document, indent=1) + "\n")
