@@ -45,6 +45,35 @@ class Look:
         return Look(self.ids[rows], self.probability[rows], self.weight[rows], affinity)
 
 
+@njit(cache=True, nogil=True)
+def compute_affinities(
+    embedding: NDArray[np.float32], neighbours: NDArray[np.int32], even: float, steepness: float
+) -> NDArray[np.float32]:
+    """Compute how likely voxels and their forward neighbours are of one object.
+
+    Args:
+        embedding: (M, E) float32 of unit length.
+        neighbours: (M, 27) int32 from ``networks.sparse.find_neighbours``.
+        even: The affinity of equal embeddings, as a logit.
+        steepness: How fast it falls with their squared distance.
+
+    Returns:
+        (M, 13) float32 in 0-1; NaN where there is no neighbour.
+    """
+    count, width = embedding.shape
+    affinity = np.full((count, NUM_FORWARD), np.nan, np.float32)
+    for i in range(count):
+        for k in range(NUM_FORWARD):
+            j = neighbours[i, NUM_FORWARD + 1 + k]
+            if j >= 0:
+                cosine = np.float32(0)
+                for e in range(width):
+                    cosine += embedding[i, e] * embedding[j, e]
+                logit = even - steepness * (2 - 2 * cosine)
+                affinity[i, k] = 1 / (1 + np.exp(-logit))
+    return affinity
+
+
 class Evidence:
     """Sums over looks, one row a voxel.
 

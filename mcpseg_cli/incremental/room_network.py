@@ -10,14 +10,15 @@ from mcpseg_cli.choices import Precision
 from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.clustering import quantise
-from mcpseg_cli.incremental.evidence import Look
+from mcpseg_cli.incremental.evidence import Look, compute_affinities
 from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.incremental.window import window_input
 from mcpseg_cli.networks.device import find_device, resolve_precision
-from mcpseg_cli.networks.sparse import NUM_FORWARD, make_levels
-from mcpseg_cli.networks.unet import NUM_LEVELS, UNet, fold, forward_pairs
+from mcpseg_cli.networks.sparse import make_levels
+from mcpseg_cli.networks.unet import NUM_LEVELS, UNet
+from mcpseg_cli.networks.unet_inference import FastUNet
 from mcpseg_cli.networks.weights import Weights
 
 _HEIGHT = 8.0  # metres above and below the robot that belong to its room
@@ -65,7 +66,7 @@ class RoomNetwork:
         self.similarity = self.settings.similarity
 
         self._device = find_device(device)
-        self._network = fold(network, self.precision).to(self._device)
+        self._network = FastUNet(network, self.precision, self._device)
 
     def configuration(self) -> dict[str, object]:
         """Record the hash of the weights, which says all; see ``SegmentationMethod``."""
@@ -76,7 +77,9 @@ class RoomNetwork:
     ) -> NDArray[np.int32]:
         """List the voxels to judge at a scan: all in range of the robot, and all that it saw."""
         around = voxels.near(position, self.settings.local_range, _HEIGHT)
-        return np.union1d(around, np.concatenate([observed.seen_again, observed.new]))
+        seen = np.concatenate([observed.seen_again, observed.new])
+        is_high = np.abs(voxels.xyz[seen, 2] - position[2]) > _HEIGHT - voxels.voxel_size
+        return np.union1d(around, seen[is_high]) if is_high.any() else around
 
     @torch.inference_mode()
     def look(
@@ -123,7 +126,7 @@ class RoomNetwork:
         output = self._network(torch.from_numpy(inputs).to(self._device), levels)
         probability = torch.softmax(output.logits / self.weights.info.temperature, dim=1)
         unit = output.embedding.cpu().numpy()
-        affinity = self._affinity(output.embedding, levels[0].neighbours)
+        affinity = compute_affinities(unit, neighbours, *self._network.affine)
 
         embedding = np.zeros((len(ids), EMBEDDING), np.float32)
         embedding[:, : unit.shape[1]] = unit
@@ -154,15 +157,6 @@ class RoomNetwork:
     ) -> NDArray[np.int32]:
         """Give all neighbours: how similar they are decides; see ``SegmentationMethod``."""
         return voxel_map.neighbours(new)
-
-    def _affinity(self, embedding: torch.Tensor, neighbours: torch.Tensor) -> NDArray[np.float32]:
-        """Give (M, 13) float32 how likely each voxel and its forward neighbours are of one object."""
-        one, other = forward_pairs(neighbours)
-        logit = self._network.affinity(embedding[one], embedding[other])
-        affinity = torch.full((len(embedding), NUM_FORWARD), torch.nan, device=embedding.device)
-        affinity[neighbours[:, -NUM_FORWARD:] >= 0] = torch.sigmoid(logit)
-        answer: NDArray[np.float32] = affinity.cpu().numpy()
-        return answer
 
     def _weigh(
         self, xyz: NDArray[np.float32], position: NDArray[np.float64]

@@ -8,7 +8,6 @@ sparse: looking around costs one product for each neighbour there is, thinking i
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -94,6 +93,10 @@ class UNet(Network):
             features = self.ascend[number](features, known[number], levels[number])
             features = self.up[number](features, levels[number])
 
+        return self.answer(features)
+
+    def answer(self, features: Tensor) -> WindowOutput:
+        """Say what (V, F) features of the finest level mean."""
         hidden = functional.relu(self.hidden(functional.relu(self.norm(features))))
         embedding = functional.normalize(self.embed(hidden).float(), dim=1, eps=1e-6)
         return WindowOutput(self.classify(hidden).float(), embedding)
@@ -137,9 +140,11 @@ class Block(nn.Module):
 
     def forward(self, features: Tensor, level: Level) -> Tensor:
         """Give (V, F) float32 new features of (V, F)."""
-        seen = self.norm(self.look(features, level))
-        change = _dense(self.narrow, functional.relu(_dense(self.widen, seen)))
-        return features + change.float()
+        return features + self.think(self.look(features, level))
+
+    def think(self, seen: Tensor) -> Tensor:
+        """Give (V, F) float32 what to add to voxels that saw (V, F)."""
+        return dense(self.narrow, functional.relu(dense(self.widen, self.norm(seen)))).float()
 
 
 class Stack(nn.ModuleList):
@@ -178,8 +183,11 @@ class Descend(nn.Module):
         """Give (P, G) float32 features of the coarser level's voxels."""
         assert level.children is not None
         padded = torch.cat([features, features.new_zeros(1, features.shape[1])])
-        parts = padded[level.children].flatten(1)  # (P, 8·F)
-        return functional.relu(self.norm(_dense(self.join, parts).float()))
+        return self.unite(padded[level.children])
+
+    def unite(self, parts: Tensor) -> Tensor:
+        """Give (P, G) float32 features of voxels with (P, 8, F) parts."""
+        return functional.relu(self.norm(dense(self.join, parts.flatten(1)).float()))
 
 
 class Ascend(nn.Module):
@@ -200,10 +208,13 @@ class Ascend(nn.Module):
         """Give (V, F) float32 features of the finer level's voxels, of (P, G) and (V, F)."""
         assert level.parent is not None
         assert level.corner is not None
-        answers = _dense(self.part, coarse).view(-1, features.shape[1])  # (8·P, F)
-        own = answers[level.parent * NUM_CHILDREN + level.corner].float()
-        mixed = _dense(self.mix, torch.cat([functional.relu(self.norm(own)), features], dim=1))
-        return mixed.float()
+        answers = dense(self.part, coarse).view(-1, features.shape[1])  # (8·P, F)
+        return self.blend(answers[level.parent * NUM_CHILDREN + level.corner], features)
+
+    def blend(self, own: Tensor, features: Tensor) -> Tensor:
+        """Mix (V, F) answers from above with (V, F) what was known; (V, F) float32."""
+        heard = functional.relu(self.norm(own.float()))
+        return dense(self.mix, torch.cat([heard, features], dim=1)).float()
 
 
 def forward_pairs(neighbours: Tensor) -> tuple[Tensor, Tensor]:
@@ -220,57 +231,7 @@ def forward_pairs(neighbours: Tensor) -> tuple[Tensor, Tensor]:
     return row, ahead[row, column].long()
 
 
-def _dense(layer: nn.Linear, features: Tensor) -> Tensor:
+def dense(layer: nn.Linear, features: Tensor) -> Tensor:
     """Apply a dense layer in the precision of its weights."""
     answer: Tensor = layer(features.to(layer.weight.dtype))
     return answer
-
-
-def fold(network: UNet, precision: str) -> UNet:
-    """Make a network for inference only: norms become part of the dense layers beside them.
-
-    Args:
-        network: Trained, in evaluation mode; not changed.
-        precision: ``bf16``: the large dense layers compute in bfloat16; or ``fp32``.
-
-    Returns:
-        A copy that says the same, up to rounding.
-    """
-    folded = copy.deepcopy(network)
-    for module in folded.modules():
-        if isinstance(module, Block):
-            _fold_before(module.norm, module.widen)
-        elif isinstance(module, Descend | Ascend):
-            _fold_after(module.join if isinstance(module, Descend) else module.part, module.norm)
-        if isinstance(module, Block | Descend | Ascend):
-            setattr(module, "norm", nn.Identity())  # noqa: B010
-            if precision == "bf16":
-                for layer in module.children():
-                    if isinstance(layer, nn.Linear):
-                        layer.to(torch.bfloat16)
-    return folded
-
-
-def _scale_and_shift(norm: nn.BatchNorm1d) -> tuple[Tensor, Tensor]:
-    """Give the factor and the summand that a norm is at inference."""
-    assert norm.running_mean is not None
-    assert norm.running_var is not None
-    scale = norm.weight / (norm.running_var + norm.eps).sqrt()
-    return scale.detach(), (norm.bias - norm.running_mean * scale).detach()
-
-
-@torch.no_grad()
-def _fold_before(norm: nn.BatchNorm1d, layer: nn.Linear) -> None:
-    """Let a layer do what the norm before it does."""
-    scale, shift = _scale_and_shift(norm)
-    layer.bias.add_(layer.weight @ shift)
-    layer.weight.mul_(scale)
-
-
-@torch.no_grad()
-def _fold_after(layer: nn.Linear, norm: nn.BatchNorm1d) -> None:
-    """Let a layer do what the norm after it does, to each of its answers."""
-    scale, shift = _scale_and_shift(norm)
-    answers = layer.out_features // len(scale)
-    layer.weight.mul_(scale.repeat(answers)[:, None])
-    layer.bias = nn.Parameter(shift.repeat(answers))
