@@ -309,6 +309,8 @@ class AugmentSettings(BaseModel):
             context.
         thinning: Voxels dropped at random, from the points and their context.
         thinning_share: Largest part dropped.
+        grid_shift: Windows only: in voxels, each way; floors are not where voxels begin.
+        tilt_deg: Windows only: standard deviation of the map's tilt, about both axes.
         right_angle: Windows only: turned by a multiple of 90 degrees, as most maps lie.
         holes: Windows only: balls of points gone, as behind what stands before them.
         hole_radius: Largest radius of a hole.
@@ -342,6 +344,8 @@ class AugmentSettings(BaseModel):
     partial_view: _Share = 0.3
     thinning: _Share = 0.3
     thinning_share: _Share = 0.5
+    grid_shift: float = Field(default=0.0, ge=0.0, le=1.0)
+    tilt_deg: float = Field(default=0.0, ge=0.0, le=10.0)
     right_angle: _Share = 0.0
     holes: _Share = 0.0
     hole_radius: float = Field(default=0.8, ge=0.0, le=10.0)
@@ -351,9 +355,18 @@ class AugmentSettings(BaseModel):
     def of_windows(cls) -> Self:
         """Return the defaults for the sparse U-Net: a map lies any way, and much of it is unseen."""
         return cls(
-            jitter=0.025, floor_error=0.03, grey=0.2, partial_view=0.3, thinning=0.25,
-            thinning_share=0.6, right_angle=0.3, holes=0.4, no_ceiling=0.3,
-        )  # fmt: skip
+            jitter=0.03,
+            floor_error=0.03,
+            grey=0.2,
+            partial_view=0.3,
+            thinning=0.25,
+            thinning_share=0.6,
+            grid_shift=0.5,
+            tilt_deg=0.7,
+            right_angle=0.3,
+            holes=0.4,
+            no_ceiling=0.3,
+        )
 
     @classmethod
     def off(cls) -> Self:

@@ -156,7 +156,7 @@ class WindowSource:
             kept = _leave(scene, self._augmentation, rng)
             ids, looks = ids[kept], looks[kept]
             scene = replace(scene, xyz=scene.xyz[kept], rgb=scene.rgb[kept])
-            scene = augment(scene, self._augmentation, rng)
+            scene = _lay(augment(scene, self._augmentation, rng), self._augmentation, settings, rng)
 
         # one point a voxel, whichever comes first
         order = rng.permutation(len(ids))
@@ -233,6 +233,20 @@ def _leave(scene: Scene, settings: AugmentSettings, rng: np.random.Generator) ->
     if thinning:
         kept &= rng.random(count) >= thinning
     return np.flatnonzero(kept) if kept.sum() >= _FEWEST else np.arange(count)
+
+
+def _lay(
+    scene: Scene, augmentation: AugmentSettings, settings: WindowSettings, rng: np.random.Generator
+) -> Scene:
+    """Tilt a scene about the robot's foot, and shift it against the grid of voxels."""
+    foot = np.array([*scene.position[:2], scene.floor])
+    tilt = np.tan(np.radians(rng.normal(0, augmentation.tilt_deg, 2)))
+    xyz = scene.xyz.copy()
+    xyz[:, 2] += (scene.xyz[:, :2] - foot[:2]) @ tilt
+
+    shift = rng.uniform(-1, 1, 3) * augmentation.grid_shift * settings.voxel_size
+    xyz += shift.astype(np.float32)
+    return replace(scene, xyz=xyz, floor=scene.floor + float(shift[2]))
 
 
 def _voxelise(
