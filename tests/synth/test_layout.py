@@ -9,12 +9,12 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.synth.building import layout
 from mcpseg_cli.synth.building.fittings import leaf_line, wall_of
 from mcpseg_cli.synth.building.layout import plan_area
-from mcpseg_cli.synth.surfaces.catalogue import STYLES, style_of
+from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
 def plans():
     counts = [16, 8, 24, 12, 44, 16, 16] * 2
-    pairs = enumerate(zip(STYLES * 2, counts, strict=True))
+    pairs = enumerate(zip(styles() * 2, counts, strict=True))
     return [
         (style, plan_area(style, count, np.random.default_rng(seed)))
         for seed, (style, count) in pairs
@@ -45,7 +45,7 @@ def test_rooms_do_not_overlap_and_have_walls_between_them(style, rooms):
 
 @pytest.mark.parametrize("count", [2, 3, 8, 16, 44, 120])
 def test_a_plan_has_the_number_of_rooms_asked_for(count):
-    assert len(plan_area(STYLES[0], count, np.random.default_rng(count))) == count
+    assert len(plan_area(styles()[0], count, np.random.default_rng(count))) == count
 
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
@@ -102,7 +102,7 @@ def test_a_plan_that_cannot_be_drawn_is_refused_in_one_line(monkeypatch):
     with pytest.raises(
         InputError, match="expected rooms that fit along corridors; try another"
     ) as caught:
-        plan_area(STYLES[0], 8, np.random.default_rng(0))
+        plan_area(styles()[0], 8, np.random.default_rng(0))
     assert "\n" not in str(caught.value)
 
 
@@ -159,7 +159,7 @@ def test_columns_and_shafts_keep_off_openings_and_each_other(style, rooms):
 
 
 def test_the_same_seed_draws_the_same_plan():
-    first, second = (plan_area(STYLES[2], 16, np.random.default_rng(5)) for _ in range(2))
+    first, second = (plan_area(styles()[2], 16, np.random.default_rng(5)) for _ in range(2))
     assert [(r.name, r.openings, r.low.tolist()) for r in first] == [
         (r.name, r.openings, r.low.tolist()) for r in second
     ]
@@ -167,7 +167,7 @@ def test_the_same_seed_draws_the_same_plan():
 
 def test_styles_come_in_turn_and_differ_from_area_eight_on():
     names = [style_of(number, np.random.default_rng(0)).name for number in range(1, 14)]
-    assert names[:7] == [style.name for style in STYLES]
+    assert names[:7] == [style.name for style in styles()]
     assert names[7:] == [*names[1:6], names[0]]  # no homes among the crosses
     assert (
         style_of(8, np.random.default_rng(3)).walls != style_of(2, np.random.default_rng(3)).walls
@@ -175,7 +175,7 @@ def test_styles_come_in_turn_and_differ_from_area_eight_on():
 
 
 def test_homes_have_the_rooms_of_homes_and_offices_have_none_of_them():
-    kinds = {style.name: set() for style in STYLES}
+    kinds = {style.name: set() for style in styles()}
     for style, rooms in PLANS:
         kinds[style.name] |= {room.kind for room in rooms}
     homes = kinds.pop("homes") - {"hallway"}

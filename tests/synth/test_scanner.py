@@ -238,9 +238,11 @@ def test_darker_light_makes_darker_photos(scene):
     painted = np.full((len(samples.xyz), 3), 120, np.float32)
     light = np.where(samples.xyz[:, :1] > 2, 1.6, 0.4).astype(np.float32).repeat(3, axis=1)
     view = np.zeros(len(painted), np.int8)
-    from mcpseg_cli.synth import STYLES
+    from mcpseg_cli.synth import styles
 
-    shown = photo.develop(mesh, samples, painted, light, view, STYLES[0], np.random.default_rng(9))
+    shown = photo.develop(
+        mesh, samples, painted, light, view, styles()[0], np.random.default_rng(9)
+    )
     floor = samples.part == 0
     bright = samples.xyz[:, 0] > 2
     assert shown[floor & bright].mean() > 1.2 * shown[floor & ~bright].mean()

@@ -9,11 +9,11 @@ from mcpseg_cli.synth.building.shell import build_shell
 from mcpseg_cli.synth.geometry.solids import Item, area_of, box, part_of, quad
 from mcpseg_cli.synth.scanning.sampling import mesh_of, sample_mesh
 from mcpseg_cli.synth.scanning.visibility import VOXEL, RoomGrid, build_room_grid, sees
-from mcpseg_cli.synth.surfaces.catalogue import STYLES, style_of
+from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
 def shells():
-    for seed, style in enumerate(STYLES):
+    for seed, style in enumerate(styles()):
         rng = np.random.default_rng(seed)
         for room in plan_area(style, 8, rng):
             yield room, build_shell(room, style, rng)
@@ -86,7 +86,7 @@ def test_samples_are_as_dense_as_asked_for():
 
 
 def test_points_lie_more_evenly_than_random_ones_also_after_thinning():
-    sheet = part_of(quad((0, 0, 0), (4, 0, 0), (0, 1, 0)), STYLES[0].floors[0])
+    sheet = part_of(quad((0, 0, 0), (4, 0, 0), (0, 1, 0)), styles()[0].floors[0])
     rng = np.random.default_rng(3)
     samples = sample_mesh(mesh_of([Item("floor", (sheet,))]), 0.03, rng)
     probes = rng.uniform((0.1, 0.1), (3.9, 0.9), (4000, 2))
@@ -151,6 +151,6 @@ def test_rays_in_the_open_are_free():
 
 
 def test_the_grid_knows_how_far_the_next_surface_is():
-    grid = build_room_grid(part_of(box((0, 0, 0), (1, 1, 0.02)), STYLES[0].floors[0]).triangles)
+    grid = build_room_grid(part_of(box((0, 0, 0), (1, 1, 0.02)), styles()[0].floors[0]).triangles)
     assert grid.at(np.array([[0.5, 0.5, 0.01]]))[0] == 0
     assert grid.at(np.array([[0.5, 0.5, 0.1]]))[0] == 2

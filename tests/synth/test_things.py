@@ -1,11 +1,11 @@
-"""The furniture catalogue: right class, stands on the floor, sensible sizes, sound triangles, repeatable."""
+"""The furniture catalogue: right class, on the floor, sensible sizes, sound triangles, repeatable."""
 
 import numpy as np
 import pytest
 
 from mcpseg_cli.synth.geometry import shapes
 from mcpseg_cli.synth.geometry.solids import area_of
-from mcpseg_cli.synth.surfaces.styles import Style
+from mcpseg_cli.synth.surfaces.catalogue import styles
 from mcpseg_cli.synth.things.boards import BOARD_KINDS, make_board
 from mcpseg_cli.synth.things.bookcases import BOOKCASE_KINDS, make_bookcase
 from mcpseg_cli.synth.things.chairs import CHAIR_DESIGNS, make_chair
@@ -14,17 +14,19 @@ from mcpseg_cli.synth.things.home_sofas import make_home_sofa
 from mcpseg_cli.synth.things.sofas import make_sofa
 from mcpseg_cli.synth.things.tables import TABLE_DESIGNS, make_table
 
-STYLE = Style(
-    "test",
-    wood=((150, 105, 65), (190, 150, 105)),
-    upholstery=((60, 80, 120), (120, 50, 50)),
-    metal=((170, 172, 176), (60, 60, 64)),
-    plastic=((230, 230, 228), (60, 62, 66)),
-    fabric=("weave", "plain"),
-    table_tops=("wood", "plain"),
-    chairs=("task", "four-leg"),
-    tables=("desk", "round"),
-    tidiness=0.4,
+STYLE = styles()[0].model_copy(
+    update={
+        "name": "test",
+        "wood": ((150, 105, 65), (190, 150, 105)),
+        "upholstery": ((60, 80, 120), (120, 50, 50)),
+        "metal": ((170, 172, 176), (60, 60, 64)),
+        "plastic": ((230, 230, 228), (60, 62, 66)),
+        "fabric": ("weave", "plain"),
+        "table_tops": ("wood", "plain"),
+        "chairs": ("task", "four-leg"),
+        "tables": ("desk", "round"),
+        "tidiness": 0.4,
+    }
 )
 SIZES = {
     "four-leg": ((0.38, 0.4, 0.7), (0.75, 0.8, 1.05)),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +23,13 @@ from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import (
     DoorKind,
+    Shade,
     Style,
     paint,
     pick_colour,
     pick_metal,
     pick_wood,
 )
-
-Shade = Literal["none", "slats", "roller", "curtain"]
 
 
 def on_wall(triangles: Triangles, room: Room, side: int) -> Triangles:
@@ -225,8 +223,8 @@ def build_windows(
     """
     colour = pick_colour(((228, 226, 220), (70, 72, 74), (150, 152, 154), (110, 84, 60)), rng)
     trim = paint(colour, rng, "plain" if rng.random() < 0.7 else "metal")
-    shades: tuple[Shade, ...] = ("none", "slats", "roller", "curtain")
-    shade = shades[int(rng.choice(4, p=style.shades))]
+    shades, shares = list(style.shades), list(style.shades.values())
+    shade = shades[int(rng.choice(len(shades), p=shares))]
     cloth = paint(
         pick_colour(style.walls + style.accents, rng),
         rng,

@@ -153,8 +153,7 @@ def plan_area(style: Style, num_rooms: int, rng: np.random.Generator) -> list[Ro
 
 def _kinds(style: Style, count: int, rng: np.random.Generator) -> list[RoomKind]:
     """Draw what rooms are for, those the style requires among them, in random order."""
-    names = [kind for kind, _ in style.kinds]
-    weights = np.array([weight for _, weight in style.kinds])
+    names, weights = list(style.kinds), np.array(list(style.kinds.values()))
     kinds: list[RoomKind] = list(style.required[:count])
     limits = {kind: first + count // more for kind, (first, more) in _AT_MOST.items()}
     while len(kinds) < count:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from pydantic import ConfigDict, Field
 
 Pattern = Literal[
     "plain",
@@ -32,7 +33,8 @@ Pattern = Literal[
     "cardboard",
     "marble",
 ]
-Colour = tuple[float, float, float]
+Channel = Annotated[float, Field(ge=0, le=255)]
+Colour = tuple[Channel, Channel, Channel]
 """Red, green, blue, 0-255."""
 
 
@@ -50,10 +52,12 @@ class Material:
             the day behind them.
     """
 
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")  # where it is read from a table
+
     pattern: Pattern
     base: Colour
     accent: Colour
-    scale: float = 0.1
+    scale: Annotated[float, Field(gt=0)] = 0.1
     seed: int = 0
     glow: float = 0.0
 

@@ -176,10 +176,10 @@ def figure(style: Style, rng: np.random.Generator) -> list[Part]:
     return [solid(material, *shapes), solid(paint(bright(rng), rng), feet)]
 
 
-def small_parts(rng: np.random.Generator) -> list[Part]:
+def small_parts(style: Style, rng: np.random.Generator) -> list[Part]:
     """Make something small for a shelf, about the origin on z = 0."""
     maker = (mug, bottle, vase, figure, tray)[rng.integers(5)]
-    return maker(_NO_STYLE, rng)
+    return maker(style, rng)
 
 
 def tray(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -321,6 +321,3 @@ def umbrella_stand(style: Style, rng: np.random.Generator) -> list[Part]:
         rolled = slanted((*foot, 0.03), (*tip, rng.uniform(0.7, 0.85)), (0.04, 0.04))
         parts.append(solid(paint(bright(rng), rng), rolled))
     return parts
-
-
-_NO_STYLE = Style("", (), (), (), (), (), (), (), (), 0.5)
