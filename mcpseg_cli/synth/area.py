@@ -25,7 +25,7 @@ from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.rugs import lay_rugs
 from mcpseg_cli.synth.building.shell import build_shell
 from mcpseg_cli.synth.plan import Room
-from mcpseg_cli.synth.rooms.furnish import furnish_room
+from mcpseg_cli.synth.rooms.furnish import check_contents, furnish_room
 from mcpseg_cli.synth.scanning.scanner import scan_room
 from mcpseg_cli.synth.surfaces.catalogue import style_of
 from mcpseg_cli.synth.surfaces.styles import Style
@@ -63,6 +63,7 @@ def plan_building(
     Each room can then be made by itself with ``make_room``, in any process. See ``make_area`` for
     the arguments.
     """
+    check_contents()
     rng = np.random.default_rng([seed, number])
     drawn = style_of(style if isinstance(style, int) else number, rng)
     chosen = style if isinstance(style, Style) else drawn

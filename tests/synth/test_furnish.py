@@ -1,7 +1,5 @@
 """Furnished rooms: nothing meets, floats, blocks a door or shuts the robot out."""
 
-import ast
-import inspect
 from dataclasses import replace
 from functools import cache
 
@@ -12,11 +10,9 @@ from scipy import ndimage
 from mcpseg_cli.synth.geometry.collisions import Collisions, upright
 from mcpseg_cli.synth.geometry.solids import area_of
 from mcpseg_cli.synth.plan import Opening, Room
-from mcpseg_cli.synth.rooms import dressing, living_rooms, private_rooms, public_rooms, work_rooms
 from mcpseg_cli.synth.rooms.floor_space import FloorSpace
 from mcpseg_cli.synth.rooms.furnish import furnish_room
 from mcpseg_cli.synth.surfaces.catalogue import styles
-from mcpseg_cli.synth.things.clutter import CLUTTER_KINDS
 from tests.synth.test_things import STYLE
 
 SIZES = {
@@ -220,44 +216,6 @@ def test_the_same_seed_furnishes_a_room_the_same():
     for one, other in zip(first, second, strict=True):
         for part, twin in zip(one.parts, other.parts, strict=True):
             np.testing.assert_array_equal(part.triangles, twin.triangles)
-
-
-def test_whatever_a_room_may_hold_is_in_the_catalogue():
-    # every random choice of kinds, not only those a few seeds happen to draw
-    asked = set()
-    for module in (dressing, living_rooms, private_rooms, public_rooms, work_rooms):
-        for node in ast.walk(ast.parse(inspect.getsource(module))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in (
-                "wall_clutter",
-                "floor_clutter",
-                "dress_top",
-            ):
-                asked |= {
-                    (node.func.id, word.value)
-                    for argument in node.args[2:]
-                    for word in ast.walk(argument)
-                    if isinstance(word, ast.Constant) and isinstance(word.value, str)
-                }
-    assert len(asked) > 30
-    assert {kind for _, kind in asked} <= set(CLUTTER_KINDS)
-    assert {kind for caller, kind in asked if caller == "wall_clutter"} <= set(dressing._ON_WALLS)
-    groups = (
-        dressing._ON_DESKS,
-        dressing._ON_CABINETS,
-        dressing._ON_FLOOR,
-        dressing._ON_SILLS,
-        dressing._OFFICE_WALLS,
-    )
-    assert {kind for group in groups for kind in group} <= set(CLUTTER_KINDS)
-    assert set(work_rooms._CABINETS_AND_SUCH) <= set(CLUTTER_KINDS)
-    homes = (
-        living_rooms.ON_FURNITURE,
-        living_rooms._ON_COFFEE_TABLES,
-        living_rooms._ON_DINING_TABLES,
-    )
-    homes += (living_rooms._ON_HOME_FLOORS, living_rooms._ON_HOME_WALLS, private_rooms._ON_COUNTERS)
-    assert {kind for group in homes for kind in group} <= set(CLUTTER_KINDS)
-    assert set(living_rooms._ON_HOME_WALLS) <= set(dressing._ON_WALLS)
 
 
 def test_rooms_hold_what_their_kind_suggests():

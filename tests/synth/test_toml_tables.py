@@ -1,4 +1,4 @@
-"""Tables of numbers: complete, within range, read at first use, in the package; errors name file and key."""
+"""Tables of numbers: complete, in range, read at first use; errors name file and key."""
 
 import shutil
 import subprocess
@@ -9,6 +9,11 @@ import pytest
 
 import mcpseg_cli
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.synth.rooms.contents.homes import Homes
+from mcpseg_cli.synth.rooms.contents.public import PublicRooms
+from mcpseg_cli.synth.rooms.contents.records import Amount
+from mcpseg_cli.synth.rooms.contents.shared import Shared
+from mcpseg_cli.synth.rooms.contents.work import WorkRooms
 from mcpseg_cli.synth.surfaces import catalogue
 from mcpseg_cli.synth.surfaces.catalogue import styles
 from mcpseg_cli.synth.surfaces.styles import Style
@@ -17,6 +22,7 @@ from mcpseg_cli.synth.things.tables import TABLE_DESIGNS
 from mcpseg_cli.synth.toml_tables import read_table
 
 PACKAGE = Path(mcpseg_cli.__file__).parent
+CONTENTS = PACKAGE / "synth" / "rooms" / "contents"
 MODERN = PACKAGE / "synth" / "styles" / "1_modern.toml"
 
 
@@ -31,6 +37,19 @@ def test_designs_of_the_styles_are_in_the_catalogues():
     for style in styles():
         assert set(style.chairs) <= set(CHAIR_DESIGNS)
         assert set(style.tables) <= set(TABLE_DESIGNS)
+
+
+def refusal(original, model, folder, before, after):
+    """What is said when a table is read with a part of it replaced."""
+    text = original.read_text()
+    assert before in text
+    path = folder / original.name
+    path.write_text(text.replace(before, after, 1))
+    with pytest.raises(InputError) as caught:
+        read_table(path, model)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -48,16 +67,53 @@ def test_designs_of_the_styles_are_in_the_catalogues():
         ("beams = 0.3", "beams 0.3", "no TOML"),
     ],
 )
-def test_an_error_in_a_table_names_file_and_key(tmp_path, before, after, message):
-    text = MODERN.read_text()
-    assert before in text
-    path = tmp_path / "1_modern.toml"
-    path.write_text(text.replace(before, after, 1))
-    with pytest.raises(InputError) as caught:
-        read_table(path, Style)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_an_error_in_a_style_names_file_and_key(tmp_path, before, after, message):
+    assert message in refusal(MODERN, Style, tmp_path, before, after)
+
+
+@pytest.mark.parametrize(
+    ("file", "model", "before", "after", "message"),
+    [
+        ("work", WorkRooms, '"pin board", "chalkboard"', '"easel"', "office.board.of.2 = 'easel'"),
+        ("work", WorkRooms, '"task", "executive"', '"throne"', "office.swivel_chairs.0 = 'throne'"),
+        ("work", WorkRooms, '"paper", "trays"', '"sand"', "copy_room.on_table.of.0 = 'sand'"),
+        ("work", WorkRooms, '["desk", "trestle"]', '["dais"]', "storage.table.of.0 = 'dais'"),
+        (
+            "work",
+            WorkRooms,
+            '["open", "rack", ',
+            '["crate", ',
+            "copy_room.bookcases.of.0 = 'crate'",
+        ),
+        ("work", WorkRooms, "copiers = [1, 3]", "copiers = [1, 2.5]", "copy_room.copiers.1 = 2.5"),
+        ("work", WorkRooms, "block = 0.9", "block = -1", "open_plan.block = -1; expected greater"),
+        (
+            "public",
+            PublicRooms,
+            '"wall box", "cable run"',
+            '"bin"',
+            "hallway.on_walls.of.3 = 'bin'",
+        ),
+        (
+            "homes",
+            Homes,
+            "one_in = 13",
+            "one_for = 13",
+            "unknown key living_room.bookcases.one_for",
+        ),
+        ("shared", Shared, "of = [", "off = [", "no key desk.on_top.of"),
+    ],
+)
+def test_an_error_in_what_rooms_hold_names_file_and_key(
+    tmp_path, file, model, before, after, message
+):
+    assert message in refusal(CONTENTS / f"{file}.toml", model, tmp_path, before, after)
+
+
+def test_means_add_up_with_the_room_and_the_mess():
+    amount = Amount(mean=2, per_metre=0.1, one_in=20, untidy=3, untidy_per_metre=0.2)
+    assert amount.on_average(10, 0.5) == pytest.approx(2 + 1 + 0.5 + 1.5 + 1)
+    assert Amount().on_average(10, 1.0) == 0
 
 
 def test_a_damaged_style_stops_the_building(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ import numpy as np
 from mcpseg_cli.synth.geometry.solids import Item
 from mcpseg_cli.synth.plan import Room, RoomKind
 from mcpseg_cli.synth.rooms import living_rooms, private_rooms, public_rooms, work_rooms
+from mcpseg_cli.synth.rooms.contents import homes, public, shared, work
 from mcpseg_cli.synth.rooms.placement import Placement
 from mcpseg_cli.synth.surfaces.styles import Style
 
@@ -30,6 +31,16 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "study": private_rooms.furnish_study,
     "bathroom": private_rooms.furnish_bathroom,
 }
+
+
+def check_contents() -> None:
+    """Read what rooms hold, so that a damaged table is named before any work starts.
+
+    Raises:
+        InputError: A table is damaged.
+    """
+    for read in (shared.shared, work.work_rooms, public.public_rooms, homes.homes):
+        read()
 
 
 def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:

@@ -36,12 +36,12 @@ class Style(Record):
 
     Attributes:
         name: What the style is called.
-        wood: OneOrMore[Colour] of wood.
-        upholstery: OneOrMore[Colour] of seats and sofas.
-        metal: OneOrMore[Colour] of metal frames.
-        plastic: OneOrMore[Colour] of plastic shells and casings.
-        fabric: OneOrMore[Pattern] that seats and sofas come in.
-        table_tops: OneOrMore[Pattern] of table tops.
+        wood: Colours of wood.
+        upholstery: Colours of seats and sofas.
+        metal: Colours of metal frames.
+        plastic: Colours of plastic shells and casings.
+        fabric: Patterns that seats and sofas come in.
+        table_tops: Patterns of table tops.
         chairs: Chair designs in use, by name; ``things/chairs.py`` has them.
         tables: Table designs in use; ``things/tables.py`` has them.
         tidiness: 0 for rooms full of clutter to 1 for bare ones.
