@@ -7,8 +7,10 @@ import pytest
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.synth.building import layout
-from mcpseg_cli.synth.building.fittings import leaf_line, wall_of
+from mcpseg_cli.synth.building.walls import leaf_line, wall_of
+from mcpseg_cli.synth.building.corridors import join_corridors
 from mcpseg_cli.synth.building.layout import plan_area
+from mcpseg_cli.synth.building.spaces import Space
 from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
@@ -25,7 +27,7 @@ PLANS = plans()
 
 
 def neighbours(rooms):
-    """Pairs of rooms with an opening that one can walk through, found by the places of the openings alone."""
+    """Pairs of rooms that one can walk between, found by the places of the openings alone."""
     for i, first in enumerate(rooms):
         for j, second in enumerate(rooms):
             for a, b in itertools.product(first.openings, second.openings):
@@ -93,12 +95,12 @@ def test_corridors_that_do_not_meet_are_told_from_those_that_do():
         (3.0, 2.12, 5.0, 6.0),
     ]  # the leg shares 1 m with each
     rng = np.random.default_rng(0)
-    assert not layout._join([layout.Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
-    assert layout._join([layout.Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
+    assert not join_corridors([Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
+    assert join_corridors([Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
 
 
 def test_a_plan_that_cannot_be_drawn_is_refused_in_one_line(monkeypatch):
-    monkeypatch.setattr(layout, "_join", lambda *_: False)
+    monkeypatch.setattr(layout, "join_corridors", lambda *_: False)
     with pytest.raises(
         InputError, match="expected rooms that fit along corridors; try another"
     ) as caught:

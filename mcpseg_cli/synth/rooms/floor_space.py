@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mcpseg_cli.synth.building.fittings import leaf_line
+from mcpseg_cli.synth.building.walls import leaf_line
 from mcpseg_cli.synth.geometry.collisions import Boxes, reach_of, upright
 from mcpseg_cli.synth.plan import Room
 
