@@ -7,10 +7,10 @@ import pytest
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.synth.building import layout
-from mcpseg_cli.synth.building.walls import leaf_line, wall_of
 from mcpseg_cli.synth.building.corridors import join_corridors
 from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.spaces import Space
+from mcpseg_cli.synth.building.walls import leaf_line, wall_of
 from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.synth.geometry.solids import Item, box, part_of, quad, tube
-from mcpseg_cli.synth.scanning import lighting, photo, scanner
+from mcpseg_cli.synth.scanning import lighting, photo, scanner, viewing
 from mcpseg_cli.synth.scanning.sampling import Samples, mesh_of, sample_mesh
 from mcpseg_cli.synth.scanning.visibility import (
     VOXEL,
@@ -67,7 +67,8 @@ def test_shine_is_the_same_as_its_slow_twin(scene):
     rng = np.random.default_rng(2)
     rows = rng.choice(len(samples.xyz), 80, replace=False)
     xyz, normals = (samples.xyz[rows] - grid.low) / VOXEL, samples.normals[rows].astype(np.float64)
-    spots, facing, colour, power = lighting._lights(mesh, grid, rng)
+    lights = lighting._lights(mesh, grid, rng)
+    spots, facing, colour, power = lights.spots, lights.facing, lights.colour, lights.power
     draws = rng.integers(lighting.SPOTS, size=(80, 1), dtype=np.uint8)
     fast = np.zeros((80, 3), np.float32)
     lighting._shine(xyz, normals, spots, facing, colour, power, draws, grid.distance, fast)
@@ -129,10 +130,10 @@ def test_views_are_the_same_as_their_slow_twin(scene):
         mesh.is_closed[samples.part[rows]],
     )
     views = np.zeros(200, np.uint16)
-    scanner._look_out(xyz, normals, closed, tripods, grid.low, grid.distance, views)
+    viewing._look_out(xyz, normals, closed, tripods, grid.low, grid.distance, views)
     draws = np.random.default_rng(5).random(200, np.float32)
     chosen = np.full(200, -1, np.int8)
-    scanner._choose_viewer(
+    viewing._choose_viewer(
         xyz, normals, closed, views, np.arange(200, dtype=np.int32), tripods, draws, chosen
     )
     same = 0
@@ -174,13 +175,13 @@ def test_a_wall_behind_a_board_is_covered_and_around_it_is_not():
     around = np.array([[board.low, board.high]])
     own = np.array([[board.low, board.high, board.origin]])
     covered = np.zeros(500, bool)
-    scanner._mark_under(place, normals, np.arange(500), around, own, np.zeros(1), covered)
+    viewing._mark_under(place, normals, np.arange(500), around, own, np.zeros(1), covered)
     assert np.array_equal(covered, ((place[:, [0, 2]] > 1) & (place[:, [0, 2]] < 2)).all(axis=1))
 
 
 def test_only_boxes_count_as_boxes_not_every_part_of_twelve_triangles():
-    assert scanner._is_box(part_of(box((0, 0, 0), (1, 2, 3)), GREY).moved(1.0, 2.0, 0.0, 0.4))
-    assert not scanner._is_box(part_of(tube((0, 0, 0), (0, 0, 1), 0.1, sides=6), GREY))
+    assert viewing.is_box(part_of(box((0, 0, 0), (1, 2, 3)), GREY).moved(1.0, 2.0, 0.0, 0.4))
+    assert not viewing.is_box(part_of(tube((0, 0, 0), (0, 0, 1), 0.1, sides=6), GREY))
 
 
 def test_glass_and_dark_things_lose_patches_and_plain_walls_hardly_anything():
@@ -207,7 +208,7 @@ def test_backs_that_touch_the_wall_are_marked():
     points = np.float32([[0, 0.5, 0.5], [0.3, 0.5, 0.5], [1, 0.5, 0.5]])
     normals = np.float32([[-1, 0, 0], [-1, 0, 0], [-1, 0, 0]])
     marked = np.zeros(3, bool)
-    scanner._mark_outward(
+    viewing._mark_outward(
         points, normals, np.array([True, True, True]), np.array([[0, 0, 0], [2, 2, 2.0]]), marked
     )
     assert marked.tolist() == [True, False, False]
