@@ -58,7 +58,7 @@ class RoomCounts(BaseModel):
 
 
 class _Record(BaseModel):
-    """``synth.json``: what was asked for, the rooms that are planned, and those that are written."""
+    """``synth.json``: what was asked for, the rooms planned, and those that are written."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -77,7 +77,7 @@ class _Record(BaseModel):
 def write_area(
     folder: Path, request: SynthRequest, jobs: int, *, overwrite: bool = False
 ) -> tuple[int, Iterator[RoomCounts]]:
-    """Build an area and write it room by room; rooms that an earlier, interrupted call wrote are kept.
+    """Build an area and write it room by room; those of an earlier, interrupted call are kept.
 
     Args:
         folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room and
@@ -95,15 +95,12 @@ def write_area(
         OutputError: The folder holds another area, or rooms that were not made here.
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
-    style, rooms, seeds = plan_building(
-        request.number, request.seed, request.num_rooms, request.style
-    )
-    record = _Record(
-        version=_VERSION,
-        request=request,
-        style_name=style.name,
-        planned=[room.name for room in rooms],
-    )
+    number, seed = request.number, request.seed
+    style, rooms, seeds = plan_building(number, seed, request.num_rooms, request.style)
+    planned = [room.name for room in rooms]
+    record = _Record(version=_VERSION, request=request, style_name=style.name, planned=planned)
+
+    # what is there already
     earlier = _read_record(folder)
     _check(folder, earlier, None if overwrite else record)
     if overwrite and earlier is not None:
@@ -124,16 +121,17 @@ def _write(
     jobs: int,
 ) -> Iterator[RoomCounts]:
     """Write the rooms that are missing and count all."""
-    is_there = {
-        room.name for room in record.rooms if any((folder / room.name / ANNOTATIONS).glob("*.txt"))
-    }
-    record.rooms = [room for room in record.rooms if room.name in is_there]
-    yield from record.rooms
-    spacing = record.request.spacing
-    todo = [(folder, room, style, spacing, seed) for room, seed in zip(rooms, seeds, strict=True)]
-    for counts in map_rooms(
-        write_one, [task for task in todo if task[1].name not in is_there], jobs
-    ):
+    there = [r for r in record.rooms if any((folder / r.name / ANNOTATIONS).glob("*.txt"))]
+    record.rooms = there
+    yield from list(there)
+
+    names, spacing = {room.name for room in there}, record.request.spacing
+    todo = [
+        (folder, room, style, spacing, seed)
+        for room, seed in zip(rooms, seeds, strict=True)
+        if room.name not in names
+    ]
+    for counts in map_rooms(write_one, todo, jobs):
         record.rooms.append(counts)
         _write_record(folder, record)
         yield counts
@@ -142,10 +140,11 @@ def _write(
 def write_one(
     folder: Path, room: Room, style: Style, spacing: float, seed: list[int]
 ) -> RoomCounts:
-    """Build one room and write it; one that is there, written but not recorded, is written again."""
+    """Build one room and write it, again where it is there but not recorded."""
     cloud = make_room(room, style, spacing, seed)
     shutil.rmtree(folder / room.name, ignore_errors=True)
     write_room(folder, room.name, zip(cloud.classes, cloud.xyz, cloud.rgb, strict=True))
+
     points: dict[str, int] = {}
     objects: dict[str, int] = {}
     for name, xyz in zip(cloud.classes, cloud.xyz, strict=True):
@@ -155,22 +154,23 @@ def write_one(
 
 
 def _check(folder: Path, earlier: _Record | None, record: _Record | None) -> None:
-    """Refuse a folder with rooms that were not made here, or another area unless there is nothing to compare with."""
+    """Refuse a folder with rooms made elsewhere, or another area than that of the record."""
     if earlier is None:
         present = sorted(path.name for path in folder.iterdir() if path.name[0] != ".")
         if present:
-            raise OutputError(
-                f"{folder}: has {', '.join(present)[:120]} but no {RECORD}; expected a new folder; name another"
-            )
+            found = f"{', '.join(present)[:120]} but no {RECORD}"
+            raise OutputError(f"{folder}: has {found}; expected a new folder; name another")
         return
+
     if record is None or (earlier.version, earlier.request) == (record.version, record.request):
         return
     before, now = earlier.request.model_dump(), record.request.model_dump()
     changed = [
         f"{name} ({before[name]}, not {now[name]})" for name in now if before[name] != now[name]
     ]
+    another = ", ".join(changed) or "version of mcpseg"
     raise OutputError(
-        f"{folder}: holds an area made with another {', '.join(changed) or 'version of mcpseg'}; expected the same; "
+        f"{folder}: holds an area made with another {another}; expected the same; "
         "name another folder or give --overwrite"
     )
 
@@ -188,6 +188,5 @@ def _read_record(folder: Path) -> _Record | None:
     try:
         return _Record.model_validate_json(path.read_bytes())
     except ValidationError as error:
-        raise OutputError(
-            f"{path}: not what mcpseg synth wrote; expected its record; remove the area, or name another folder"
-        ) from error
+        found, remedy = "not what mcpseg synth wrote", "remove the area, or name another folder"
+        raise OutputError(f"{path}: {found}; expected its record; {remedy}") from error

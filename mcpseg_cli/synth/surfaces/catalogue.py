@@ -68,6 +68,7 @@ def _crossed(style: Style, other: Style) -> Style:
 
 def _varied(style: Style, rng: np.random.Generator) -> Style:
     """Return the style with its colours and habits varied."""
+    # each palette as a whole, and the colours in it
     colours = {
         name: _vary(getattr(style, name), rng)
         for name in ("wood", "upholstery", "plastic", "walls", "accents")
@@ -76,6 +77,7 @@ def _varied(style: Style, rng: np.random.Generator) -> Style:
         name: tuple(_vary_material(floor, rng) for floor in getattr(style, name))
         for name in ("floors", "hall_floors")
     }
+
     habits = {
         "tidiness": float(np.clip(style.tidiness + rng.normal(0, 0.12), 0, 1)),
         "beams": float(np.clip(style.beams + rng.normal(0, 0.1), 0.1, 1)),

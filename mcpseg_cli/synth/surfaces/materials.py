@@ -9,30 +9,11 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 Pattern = Literal[
-    "plain",
-    "carpet",
-    "wood",
-    "brick",
-    "plaster",
-    "tiles",
-    "acoustic",
-    "concrete",
-    "weave",
-    "stripes",
-    "checks",
-    "print",
-    "leather",
-    "metal",
-    "glass",
-    "screen",
-    "foliage",
-    "paper",
-    "book",
-    "whiteboard",
-    "chalkboard",
-    "cardboard",
-    "marble",
-]
+    "plain", "carpet", "wood", "brick", "plaster", "tiles", "acoustic", "concrete", "weave",
+    "stripes", "checks", "print", "leather", "metal", "glass", "screen", "foliage", "paper", "book",
+    "whiteboard", "chalkboard", "cardboard", "marble",
+]  # fmt: skip
+"""What is painted: ``textures.py`` has a painter for each."""
 Channel = Annotated[float, Field(ge=0, le=255)]
 Colour = tuple[Channel, Channel, Channel]
 """Red, green, blue, 0-255."""
@@ -63,7 +44,7 @@ class Material:
 
 
 def kelvin_colour(kelvin: float) -> Colour:
-    """Return the colour of a lamp of some temperature (2000-10000 K), its brightest channel 255; a fit by eye."""
+    """Return a lamp's colour at 2000-10000 K, its brightest channel 255; a fit by eye."""
     share = float(np.clip((kelvin - 2000) / 4500, 0, 1.6))
     red = 255.0 if share < 1 else 255 - 60 * (share - 1)
     return red, min(150 + 105 * share**0.6, 250.0), min(60 + 190 * share**0.9, 255.0)

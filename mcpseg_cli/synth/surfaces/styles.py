@@ -127,13 +127,16 @@ class Style(Record):
 def pick_colour(
     colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0
 ) -> Colour:
-    """Return one of the colours, varied by a normal of ``spread`` in brightness and a third of it in hue."""
-    base = (
-        np.array(colours[rng.integers(len(colours))])
-        + rng.normal(0, spread)
-        + rng.normal(0, spread / 3, 3)
-    )
-    red, green, blue = np.clip(base, 4, 251).tolist()
+    """Return one of the colours, varied.
+
+    Args:
+        colours: Those to choose from.
+        rng: Random numbers.
+        spread: Standard deviation of its brightness; that of its hue is a third of it.
+    """
+    chosen = np.array(colours[rng.integers(len(colours))])
+    varied = chosen + rng.normal(0, spread) + rng.normal(0, spread / 3, 3)
+    red, green, blue = np.clip(varied, 4, 251).tolist()
     return red, green, blue
 
 
@@ -145,13 +148,8 @@ def pick_wood(style: Style, rng: np.random.Generator) -> Material:
 def pick_fabric(style: Style, rng: np.random.Generator) -> Material:
     """Return an upholstery of the building."""
     pattern = style.fabric[rng.integers(len(style.fabric))]
-    return _with_accent(
-        pattern,
-        pick_colour(style.upholstery, rng),
-        rng.uniform(0.5, 1.6),
-        rng.uniform(0.02, 0.2),
-        rng,
-    )
+    colour, factor = pick_colour(style.upholstery, rng), rng.uniform(0.5, 1.6)
+    return _with_accent(pattern, colour, factor, rng.uniform(0.02, 0.2), rng)
 
 
 def pick_metal(style: Style, rng: np.random.Generator) -> Material:
