@@ -123,7 +123,7 @@ def _write(
     """Write the rooms that are missing and count all."""
     there = [r for r in record.rooms if any((folder / r.name / ANNOTATIONS).glob("*.txt"))]
     record.rooms = there
-    yield from list(there)
+    yield from there
 
     names, spacing = {room.name for room in there}, record.request.spacing
     todo = [
