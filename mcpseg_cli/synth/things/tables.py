@@ -153,9 +153,9 @@ def _round(style: Style, rng: np.random.Generator) -> list[Part]:
     inner, parts = across * 0.68, [top]
     for x in (-1, 1):
         for y in (-1, 1):
-            foot = (x * inner / 1.8, y * inner / 1.8, 0)
-            knee = (x * inner / 2.2, y * inner / 2.2, height - 0.02)
-            parts.append(solid(frame, slanted(foot, knee, (0.045, 0.045))))
+            low = (x * inner / 1.8, y * inner / 1.8, 0)
+            high = (x * inner / 2.2, y * inner / 2.2, height - 0.02)
+            parts.append(solid(frame, slanted(low, high, (0.045, 0.045))))
     return parts
 
 
