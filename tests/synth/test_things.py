@@ -1,4 +1,4 @@
-"""The furniture catalogue: right class, on the floor, sensible sizes, sound triangles, repeatable."""
+"""The furniture catalogue: right class, on the floor, sensible sizes, sound triangles."""
 
 import numpy as np
 import pytest

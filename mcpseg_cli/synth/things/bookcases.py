@@ -57,22 +57,21 @@ def _carcass(
     back: bool,
 ) -> list[Part]:
     """Make sides, boards at levels and a back panel; x centred."""
-    width, depth, height = size
-    thick = 0.02
-    parts = [
-        solid(material, boxes((-width / 2, 0, 0), (-width / 2 + thick, depth, height))),
-        solid(material, boxes((width / 2 - thick, 0, 0), (width / 2, depth, height))),
-    ]
-    inner = width / 2 - thick
-    parts += [
-        solid(material, boxes((-inner, 0.006, level), (inner, depth - 0.003, level + thick)))
+    (width, depth, height), thick = size, 0.02
+    half, inner = width / 2, width / 2 - thick
+    shapes = [boxes((-half, 0, 0), (-inner, depth, height))]
+    shapes.append(boxes((inner, 0, 0), (half, depth, height)))
+    shapes += [
+        boxes((-inner, 0.006, level), (inner, depth - 0.003, level + thick))
         for level in [*levels, height - thick]
     ]
+
+    # a back and a plinth where there are such
     if back:
-        parts.append(solid(material, boxes((-inner, 0, foot), (inner, 0.006, height))))
+        shapes.append(boxes((-inner, 0, foot), (inner, 0.006, height)))
     if foot > 0.03:
-        parts.append(solid(material, boxes((-inner, depth - 0.05, 0), (inner, depth - 0.03, foot))))
-    return parts
+        shapes.append(boxes((-inner, depth - 0.05, 0), (inner, depth - 0.03, foot)))
+    return [solid(material, shape) for shape in shapes]
 
 
 @dataclass(frozen=True)
@@ -90,6 +89,8 @@ def _fill(bay: _Bay, fullness: float, style: Style, rng: np.random.Generator) ->
     parts: list[Part] = []
     loose: list[list[Part]] = []
     x, last = bay.span[0] + rng.uniform(0.0, 0.03), bay.span[1] - 0.01
+
+    # from one end to the other
     while last - x > 0.06:
         free, draw = last - x, rng.random()
         if draw > fullness:
