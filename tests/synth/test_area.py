@@ -90,15 +90,14 @@ def test_what_is_hidden_is_not_scanned():
     rng = np.random.default_rng(0)
     style = styles()[0]
     room = next(room for room in plan_area(style, 8, rng) if room.kind == "office")
+
+    # a small box in a large one
     x, y = (room.low + room.high) / 2
-    inside = Item(
-        "chair",
-        (part_of(box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5)), paint((90, 90, 90), rng)),),
-    )
-    around = Item(
-        "table",
-        (part_of(box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9)), paint((90, 90, 90), rng)),),
-    )
+    small = box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5))
+    large = box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9))
+    inside = Item("chair", (part_of(small, paint((90, 90, 90), rng)),))
+    around = Item("table", (part_of(large, paint((90, 90, 90), rng)),))
+
     items = [*build_shell(room, style, rng), inside, around]
     scan = scan_room(items, room, style, 0.04, rng)
     assert (scan.item == len(items) - 1).sum() > 300

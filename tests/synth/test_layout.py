@@ -75,6 +75,8 @@ def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
             for i, room in enumerate(rooms)
             if room.kind == "hallway" or any(map(is_open, room.openings))
         }
+
+        # from one of them through all openings
         links = list(neighbours(rooms))
         reached = {min(wanted)}
         for _ in rooms:
@@ -89,11 +91,8 @@ def is_open(opening):
 
 
 def test_corridors_that_do_not_meet_are_told_from_those_that_do():
-    boxes = [
-        (0.0, 0.0, 4.0, 2.0),
-        (4.1, 0.0, 8.0, 2.0),
-        (3.0, 2.12, 5.0, 6.0),
-    ]  # the leg shares 1 m with each
+    # the leg shares 1 m with each
+    boxes = [(0.0, 0.0, 4.0, 2.0), (4.1, 0.0, 8.0, 2.0), (3.0, 2.12, 5.0, 6.0)]
     rng = np.random.default_rng(0)
     assert not join_corridors([Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
     assert join_corridors([Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)

@@ -56,10 +56,13 @@ def catalogue(seed):
         yield design, "chair", [make_chair(design, STYLE, rng)]
     for design in TABLE_DESIGNS:
         yield design, "table", [make_table(design, STYLE, rng)]
+
+    # seats for several
     for seats in (1, 2, 3):
         yield f"sofa {seats}", "sofa", [make_sofa(seats, STYLE, rng)]
     for corner in (-1.0, 0.0, 1.0):
         yield f"home sofa {corner}", "sofa", [make_home_sofa(2, STYLE, rng, corner).item]
+
     for kind in BOOKCASE_KINDS:
         yield kind, "bookcase", make_bookcase(kind, STYLE, rng)
     for kind in BOARD_KINDS:

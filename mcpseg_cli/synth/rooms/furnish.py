@@ -57,8 +57,7 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
 
     Returns:
         The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of
-        class window,
-        rugs of class floor: ``lay_rugs`` joins them with the room's.
+        class window, rugs of class floor: ``lay_rugs`` joins them with the room's.
     """
     placement = Placement(room, style, rng)
     if room.kind == "hallway" and not style.is_public:
