@@ -97,7 +97,10 @@ class MCPNet(Network):
         if precision == "bf16":
             self.context_1.to(torch.bfloat16)
             self.context_2.to(torch.bfloat16)
-        elif self.context_1.weight.device.type == "cpu" and torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
+            return
+
+        has_onednn = torch.backends.mkldnn.is_available()  # type: ignore[no-untyped-call]
+        if has_onednn and self.context_1.weight.device.type == "cpu":
             self.context_1 = to_mkldnn(self.context_1)  # type: ignore[no-untyped-call]
             self.context_2 = to_mkldnn(self.context_2)  # type: ignore[no-untyped-call]
             self._pools_in_onednn = True

@@ -25,7 +25,7 @@ from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.rugs import lay_rugs
 from mcpseg_cli.synth.building.shell import build_shell
 from mcpseg_cli.synth.plan import Room
-from mcpseg_cli.synth.rooms.furnish import furnish_room
+from mcpseg_cli.synth.rooms.furnish import check_contents, furnish_room
 from mcpseg_cli.synth.scanning.scanner import scan_room
 from mcpseg_cli.synth.surfaces.catalogue import style_of
 from mcpseg_cli.synth.surfaces.styles import Style
@@ -58,11 +58,19 @@ class RoomCloud:
 def plan_building(
     number: int, seed: int, num_rooms: int, style: int | Style | None = None
 ) -> tuple[Style, list[Room], list[list[int]]]:
-    """Plan an area: its style, its rooms in natural order, and what the random numbers of each start from.
+    """Plan an area; each room can then be made by itself, in any process.
 
-    Each room can then be made by itself with ``make_room``, in any process. See ``make_area`` for
-    the arguments.
+    See ``make_area`` for the arguments.
+
+    Returns:
+        The building's style, its rooms in natural order, and what the random numbers of each start
+        from.
+
+    Raises:
+        InputError: No floor plan with so many rooms was found, or a table of styles or rooms is
+            damaged.
     """
+    check_contents()
     rng = np.random.default_rng([seed, number])
     drawn = style_of(style if isinstance(style, int) else number, rng)
     chosen = style if isinstance(style, Style) else drawn
@@ -98,15 +106,22 @@ def make_area(
         OutputError: A worker process was killed.
     """
     chosen, rooms, seeds = plan_building(number, seed, num_rooms, style)
-    yield from map_rooms(
-        make_room, zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False), jobs
-    )
+    tasks = zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False)
+    yield from map_rooms(make_room, tasks, jobs)
 
 
 def map_rooms(
     function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int
 ) -> Iterator[Result]:
-    """Call a function of the top level of a module for every task, in ``jobs`` processes; results come in order.
+    """Call a function for every task, in ``jobs`` processes.
+
+    Args:
+        function: One of the top level of a module.
+        tasks: Its arguments.
+        jobs: Processes; 1 for none but this one.
+
+    Yields:
+        The results in order.
 
     Raises:
         OutputError: A worker process was killed.
@@ -114,6 +129,8 @@ def map_rooms(
     if jobs == 1:
         yield from starmap(function, tasks)
         return
+
+    # all at once, so that no process waits for another
     context = multiprocessing.get_context("spawn")  # forking a process with threads may hang
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
     try:
@@ -170,17 +187,18 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
     rng = np.random.default_rng(seed)
     items = lay_rugs(build_shell(room, style, rng) + furnish_room(room, style, rng))
     scan = scan_room(items, room, style, spacing, rng)
+
+    # object by object, numbered within their class
     order = np.argsort(scan.item, kind="stable")
-    ends = np.cumsum(np.bincount(scan.item, minlength=len(items)))
+    ends = np.cumsum(np.bincount(scan.item, minlength=len(items)))[:-1]
     counts: dict[str, int] = {}
     found = []
-    for number, item in enumerate(items):
-        rows = order[ends[number - 1] if number else 0 : ends[number]]
+    for item, rows in zip(items, np.split(order, ends), strict=True):
         if len(rows) >= MIN_POINTS:
             counts[item.name] = counts.get(item.name, 0) + 1
-            found.append(
-                (f"{item.name}_{counts[item.name]}", item.name, scan.xyz[rows], scan.rgb[rows])
-            )
+            name = f"{item.name}_{counts[item.name]}"
+            found.append((name, item.name, scan.xyz[rows], scan.rgb[rows]))
+
     found.sort(key=lambda entry: natural_key(entry[0]))
     names, classes, xyz, rgb = zip(*found, strict=True)
     return RoomCloud(room.name, names, classes, xyz, rgb)
@@ -196,22 +214,22 @@ def make_building(
     jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
-    rooms = list(
-        make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs)
-    )
+    made = make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs)
+    rooms = list(made)
     sizes = [[len(points) for points in room.xyz] for room in rooms]
     flat = [size for room in sizes for size in room]
-    labels = np.array(
-        [S3DIS_CLASSES.index(name) for room in rooms for name in room.classes], np.uint8
-    )
+
+    # labels of the objects, then of their points
+    classes = [S3DIS_CLASSES.index(name) for room in rooms for name in room.classes]
+    semantic = np.repeat(np.array(classes, np.uint8), flat)
+    instance = np.repeat(np.arange(1, len(flat) + 1, dtype=np.int32), flat)
+    starts = np.concatenate([[0], np.cumsum([sum(room) for room in sizes])])
     return Building(
         np.concatenate([points for room in rooms for points in room.xyz]),
         np.concatenate([colours for room in rooms for colours in room.rgb]),
-        np.repeat(labels, flat),
-        np.repeat(np.arange(1, len(flat) + 1, dtype=np.int32), flat),
+        semantic,
+        instance,
         rooms=tuple(room.name for room in rooms),
-        room_starts=np.concatenate([[0], np.cumsum([sum(room) for room in sizes])]).astype(
-            np.int64
-        ),
+        room_starts=starts.astype(np.int64),
         object_names=tuple(f"{room.name}/{name}" for room in rooms for name in room.object_names),
     )

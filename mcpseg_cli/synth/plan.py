@@ -9,23 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 RoomKind = Literal[
-    "hallway",
-    "office",
-    "conferenceRoom",
-    "lounge",
-    "storage",
-    "openspace",
-    "lobby",
-    "pantry",
-    "copyRoom",
-    "WC",
-    "livingRoom",
-    "diningRoom",
-    "kitchen",
-    "bedroom",
-    "study",
-    "bathroom",
-]
+    "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry",
+    "copyRoom", "WC", "livingRoom", "diningRoom", "kitchen", "bedroom", "study", "bathroom",
+]  # fmt: skip
 """Names as S3DIS uses them, then those of homes; a room is called ``kind_number``."""
 CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
 DOUBLE_DOOR_WIDTH = 1.3

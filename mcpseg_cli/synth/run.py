@@ -110,11 +110,10 @@ def write_area(
         OutputError: It holds rooms that were not made here.
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
-    style, rooms, seeds = plan_building(
-        request.number, request.seed, request.num_rooms, request.style
-    )
-    names = [room.name for room in rooms]
-    record = _Record(version=_VERSION, request=request, style_name=style.name, planned=names)
+    number, seed = request.number, request.seed
+    style, rooms, seeds = plan_building(number, seed, request.num_rooms, request.style)
+    planned = [room.name for room in rooms]
+    record = _Record(version=_VERSION, request=request, style_name=style.name, planned=planned)
 
     # what an earlier call has left is continued, replaced or refused
     earlier = _read_record(folder)
@@ -160,10 +159,11 @@ def _write(
 def write_one(
     folder: Path, room: Room, style: Style, spacing: float, seed: list[int]
 ) -> RoomCounts:
-    """Build one room and write it, also one that is there but was not recorded."""
+    """Build one room and write it, again where it is there but not recorded."""
     cloud = make_room(room, style, spacing, seed)
     shutil.rmtree(folder / room.name, ignore_errors=True)
     write_room(folder, room.name, zip(cloud.classes, cloud.xyz, cloud.rgb, strict=True))
+
     points: dict[str, int] = {}
     objects: dict[str, int] = {}
     for name, xyz in zip(cloud.classes, cloud.xyz, strict=True):
@@ -177,15 +177,13 @@ def _check(folder: Path, earlier: _Record | None, record: _Record | None) -> Non
     if earlier is None:
         present = sorted(path.name for path in folder.iterdir() if path.name[0] != ".")
         if present:
-            raise OutputError(
-                f"{folder}: has {', '.join(present)[:120]} but no {RECORD}; "
-                "expected a new folder; name another"
-            )
+            found = f"{', '.join(present)[:120]} but no {RECORD}"
+            raise OutputError(f"{folder}: has {found}; expected a new folder; name another")
         return
+
     if record is not None:
-        kept, asked = (
-            part.model_dump(include={"version", "request"}) for part in (earlier, record)
-        )
+        both = (earlier, record)
+        kept, asked = (each.model_dump(include={"version", "request"}) for each in both)
         remedy = "name another folder or give --overwrite"
         check_same(folder / RECORD, kept, asked, remedy=remedy, names=_NAMES)
 
@@ -203,7 +201,5 @@ def _read_record(folder: Path) -> _Record | None:
     try:
         return _Record.model_validate_json(path.read_bytes())
     except ValidationError as error:
-        raise OutputError(
-            f"{path}: not what mcpseg synth wrote; expected its record; "
-            "remove the area, or name another folder"
-        ) from error
+        found, remedy = "not what mcpseg synth wrote", "remove the area, or name another folder"
+        raise OutputError(f"{path}: {found}; expected its record; {remedy}") from error

@@ -113,19 +113,9 @@ def train_tiny(folder: Path) -> dict[str, object]:
     write_area(data / "Area_2", 4, seed=2)
     found: dict[str, object] = {}
     for net in ("mcpnet", "sgpn"):
-        options = (
-            "--net",
-            net,
-            "--epochs",
-            1,
-            "--batch-size",
-            64,
-            "--seed",
-            3,
-            "--overwrite",
-            "-q",
-        )
-        mcpseg("train", data, "--holdout", 2, "-o", folder / "trained", *options)
+        options = ("--net", net, "--epochs", 1, "--batch-size", 64, "--seed", 3)
+        output = ("-o", folder / "trained", "--overwrite", "-q")
+        mcpseg("train", data, "--holdout", 2, *options, *output)
         record = json.loads((folder / "trained" / f"{net}-holdout2.json").read_text())
         report = record["curves"][0]
         found[f"train {net}"] = [report["train"]["loss"], report["validation"]["loss"]]

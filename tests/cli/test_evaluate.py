@@ -244,7 +244,7 @@ def test_a_run_whose_poses_are_in_use_is_scored_without_its_scans(
     [
         ({"x": np.array([0.0, 1e12, 0.0])}, ("wall",), "points 1e+12 m apart"),
         ({}, tuple(f"class_{index}" for index in range(300)), "300 classes; expected at most 255"),
-        ({"semantic": np.array([0.0, 0.5, 0.0])}, ("wall",), "semantic from 0 to 0.5, 0.5 for one"),
+        ({"semantic": np.array([0.0, 0.5, 0.0])}, ("wall",), "semantic 0.5 (point 1); expected a "),
         ({"semantic": np.array([0, 3, 0])}, ("wall",), "class 3 (point 1); expected 0 to 0"),
     ],
 )

@@ -217,22 +217,8 @@ def test_random_bytes_give_sound_poses_or_an_input_error(tmp_path: Path, data: b
     read_or_refuse(tmp_path / "poses")
 
 
-ODD = [
-    "",
-    "#",
-    "0",
-    "1",
-    "-1",
-    "0.5",
-    "1e200",
-    "nan",
-    "inf",
-    "1_0",
-    "\u0661",
-    "\u2028",
-    "\x85",
-    "é",
-]
+ODD = ["", "#", "0", "1", "-1", "0.5", "1e200", "nan", "inf", "1_0"]
+ODD += ["\u0661", "\u2028", "\x85", "é"]
 WORDS = st.one_of(st.sampled_from([*COLUMNS, *ODD]), st.floats().map(repr))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.formats.natural_order import natural_key
-from mcpseg_cli.synth import STYLES, make_area, make_building, style_of
+from mcpseg_cli.synth import make_area, make_building, style_of, styles
 from mcpseg_cli.synth.area import MIN_POINTS
 from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.shell import build_shell
@@ -80,7 +80,7 @@ def test_processes_make_the_same_points():
 
 def test_half_the_spacing_gives_four_times_the_points():
     coarse, fine = (
-        len(make_building(1, 1, num_rooms=2, spacing=spacing, style=STYLES[4]))
+        len(make_building(1, 1, num_rooms=2, spacing=spacing, style=styles()[4]))
         for spacing in (0.12, 0.06)
     )
     assert 3.3 < fine / coarse < 4.7
@@ -88,17 +88,16 @@ def test_half_the_spacing_gives_four_times_the_points():
 
 def test_what_is_hidden_is_not_scanned():
     rng = np.random.default_rng(0)
-    style = STYLES[0]
+    style = styles()[0]
     room = next(room for room in plan_area(style, 8, rng) if room.kind == "office")
+
+    # a small box in a large one
     x, y = (room.low + room.high) / 2
-    inside = Item(
-        "chair",
-        (part_of(box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5)), paint((90, 90, 90), rng)),),
-    )
-    around = Item(
-        "table",
-        (part_of(box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9)), paint((90, 90, 90), rng)),),
-    )
+    small = box((x - 0.1, y - 0.1, 0.3), (x + 0.1, y + 0.1, 0.5))
+    large = box((x - 0.4, y - 0.4, 0), (x + 0.4, y + 0.4, 0.9))
+    inside = Item("chair", (part_of(small, paint((90, 90, 90), rng)),))
+    around = Item("table", (part_of(large, paint((90, 90, 90), rng)),))
+
     items = [*build_shell(room, style, rng), inside, around]
     scan = scan_room(items, room, style, 0.04, rng)
     assert (scan.item == len(items) - 1).sum() > 300

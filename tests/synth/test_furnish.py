@@ -1,7 +1,5 @@
 """Furnished rooms: nothing meets, floats, blocks a door or shuts the robot out."""
 
-import ast
-import inspect
 from dataclasses import replace
 from functools import cache
 
@@ -12,11 +10,9 @@ from scipy import ndimage
 from mcpseg_cli.synth.geometry.collisions import Collisions, upright
 from mcpseg_cli.synth.geometry.solids import area_of
 from mcpseg_cli.synth.plan import Opening, Room
-from mcpseg_cli.synth.rooms import dressing, living_rooms, private_rooms, public_rooms, work_rooms
 from mcpseg_cli.synth.rooms.floor_space import FloorSpace
 from mcpseg_cli.synth.rooms.furnish import furnish_room
-from mcpseg_cli.synth.surfaces.catalogue import HOMES
-from mcpseg_cli.synth.things.clutter import CLUTTER_KINDS
+from mcpseg_cli.synth.surfaces.catalogue import styles
 from tests.synth.test_things import STYLE
 
 SIZES = {
@@ -49,6 +45,8 @@ def make_room(kind, seed):
     size = size[::-1] if rng.random() < 0.5 else size
     low = rng.uniform(-20, 20, 2)
     high, ceiling, side = low + size, rng.uniform(2.6, 3.1), int(rng.integers(4))
+
+    # a door and windows opposite
     start = low[side % 2] + rng.uniform(0.2, size[side % 2] - 1.2)
     openings = [Opening("door", side, start, start + 0.9, 0.0, 2.1)]
     sill = rng.choice([0.4, 0.9])
@@ -56,6 +54,7 @@ def make_room(kind, seed):
     openings += [
         Opening("window", (side + 2) % 4, corner, corner + 1.4, sill, 2.2) for corner in corners
     ]
+
     taken = []
     if rng.random() < 0.4:
         spot = low + size * rng.uniform(0.3, 0.7, 2)
@@ -98,6 +97,8 @@ def test_no_object_reaches_into_another(kind, seed):
                 or (bounds[other][1] < bounds[number][0]).any()
             ):
                 continue
+
+            # no point of the other lies 5 mm inside a part
             for part in item.parts:
                 own = in_own_frame(part, cloud)
                 inside = ((own > part.low + 0.005) & (own < part.high - 0.005)).all(axis=1)
@@ -120,6 +121,8 @@ def test_nothing_floats(kind, seed):
     tops = [np.unique(np.round(t[np.ptp(t[..., 2], axis=1) < 1e-4][:, 0, 2], 3)) for t in flat]
     for number, item in enumerate(items):
         low, high = item.bounds()
+
+        # on the floor, at a wall or the ceiling, or on top of something
         on_floor = low[2] < 0.002 or item.name == "floor"
         at_wall = (low[:2] - room.low < 0.01).any() or (room.high - high[:2] < 0.01).any()
         at_ceiling = room.ceiling - high[2] < 0.01
@@ -139,6 +142,8 @@ def test_nothing_floats(kind, seed):
 def test_doors_and_what_is_taken_stay_free(kind, seed):
     room, items = furnished(kind, seed)
     taken = [box + np.array([[0.005], [-0.005]]) for box in room.taken]
+
+    # 0.6 m before each door
     for opening in (opening for opening in room.openings if opening.kind == "door"):
         axis = 1 - opening.side % 2
         near = room.low[axis] if opening.side in (0, 3) else room.high[axis] - 0.6
@@ -146,6 +151,7 @@ def test_doors_and_what_is_taken_stay_free(kind, seed):
         box[:, 1 - axis] = opening.start + 0.005, opening.end - 0.005
         box[:, axis], box[:, 2] = (near, near + 0.6), (0.0, opening.high)
         taken.append(box)
+
     for item in items:
         cloud = points_on(np.concatenate([part.triangles for part in item.parts]))
         for low, high in taken:
@@ -160,6 +166,8 @@ def test_boards_and_bookcases_do_not_cover_windows(kind, seed):
         wall = room.low[axis] if opening.side in (0, 3) else room.high[axis]
         for item in (item for item in items if item.name in ("board", "bookcase")):
             cloud = points_on(np.concatenate([part.triangles for part in item.parts]))
+
+            # points within 9 cm of the pane
             before = np.abs(cloud[:, axis] - wall) < 0.09
             before &= (cloud[:, 1 - axis] > opening.start + 0.01) & (
                 cloud[:, 1 - axis] < opening.end - 0.01
@@ -175,6 +183,8 @@ def test_a_robot_gets_from_the_door_to_nearly_all_free_floor(kind, seed):
     shape = np.floor((room.high - room.low) / 0.05).astype(int)
     blocked = np.zeros(tuple(shape + 2), bool)
     blocked[[0, -1]] = blocked[:, [0, -1]] = True
+
+    # what stands in the room, and what is taken
     triangles = np.concatenate(
         [part.triangles for item in items for part in item.parts if item.name != "floor"]
     )
@@ -186,10 +196,12 @@ def test_a_robot_gets_from_the_door_to_nearly_all_free_floor(kind, seed):
     for box in boxes:
         low, high = ((box[:, :2] - room.low) / 0.05).astype(int) + 1
         blocked[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
-    free = (
-        ndimage.distance_transform_edt(~blocked) * 0.05 > 0.21
-    )  # less than the robot's 0.26 m by a cell
+
+    # less than the robot's 0.26 m by a cell
+    free = ndimage.distance_transform_edt(~blocked) * 0.05 > 0.21
     labels, _ = ndimage.label(free)
+
+    # what it reaches from the door
     door = room.openings[0]
     axis = 1 - door.side % 2
     spot = np.empty(2)
@@ -207,9 +219,8 @@ def test_an_open_leaf_is_in_the_robots_way():
         FloorSpace(Room("office_1", "office", low, low + 4.0, 2.6, (opening,), ()))
         for opening in (door, replace(door, leaf_deg=-1.0))
     )
-    assert not ajar.free[
-        8:12, 6
-    ].any()  # beside the leaf, which stands at x = 1.05 and reaches to y = 0.86
+    # beside the leaf, which stands at x = 1.05 and reaches to y = 0.86
+    assert not ajar.free[8:12, 6].any()
     assert bare.free[8:12, 6].all()
 
 
@@ -220,44 +231,6 @@ def test_the_same_seed_furnishes_a_room_the_same():
     for one, other in zip(first, second, strict=True):
         for part, twin in zip(one.parts, other.parts, strict=True):
             np.testing.assert_array_equal(part.triangles, twin.triangles)
-
-
-def test_whatever_a_room_may_hold_is_in_the_catalogue():
-    # every random choice of kinds, not only those a few seeds happen to draw
-    asked = set()
-    for module in (dressing, living_rooms, private_rooms, public_rooms, work_rooms):
-        for node in ast.walk(ast.parse(inspect.getsource(module))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in (
-                "wall_clutter",
-                "floor_clutter",
-                "dress_top",
-            ):
-                asked |= {
-                    (node.func.id, word.value)
-                    for argument in node.args[2:]
-                    for word in ast.walk(argument)
-                    if isinstance(word, ast.Constant) and isinstance(word.value, str)
-                }
-    assert len(asked) > 30
-    assert {kind for _, kind in asked} <= set(CLUTTER_KINDS)
-    assert {kind for caller, kind in asked if caller == "wall_clutter"} <= set(dressing._ON_WALLS)
-    groups = (
-        dressing._ON_DESKS,
-        dressing._ON_CABINETS,
-        dressing._ON_FLOOR,
-        dressing._ON_SILLS,
-        dressing._OFFICE_WALLS,
-    )
-    assert {kind for group in groups for kind in group} <= set(CLUTTER_KINDS)
-    assert set(work_rooms._CABINETS_AND_SUCH) <= set(CLUTTER_KINDS)
-    homes = (
-        living_rooms.ON_FURNITURE,
-        living_rooms._ON_COFFEE_TABLES,
-        living_rooms._ON_DINING_TABLES,
-    )
-    homes += (living_rooms._ON_HOME_FLOORS, living_rooms._ON_HOME_WALLS, private_rooms._ON_COUNTERS)
-    assert {kind for group in homes for kind in group} <= set(CLUTTER_KINDS)
-    assert set(living_rooms._ON_HOME_WALLS) <= set(dressing._ON_WALLS)
 
 
 def test_rooms_hold_what_their_kind_suggests():
@@ -288,7 +261,7 @@ def test_a_hallway_keeps_a_way_of_more_than_a_metre():
 def test_a_corridor_of_a_home_has_no_boards_and_keeps_a_way():
     for seed in (0, 1):
         room = make_room("hallway", seed)
-        items = furnish_room(room, HOMES, np.random.default_rng(seed))
+        items = furnish_room(room, styles()[-1], np.random.default_rng(seed))
         assert items
         assert "board" not in {item.name for item in items}
 
@@ -303,20 +276,19 @@ def test_a_tiny_room_stays_empty_rather_than_failing():
 @pytest.mark.parametrize("seed", range(30))
 def test_collisions_agree_with_points_in_boxes(seed):
     rng = np.random.default_rng(seed)
-    there, new = (
-        upright(np.zeros(3), rng.uniform(0.2, 1, 3)),
-        upright(np.zeros(3), rng.uniform(0.2, 1, 3)),
-    )
+    there = upright(np.zeros(3), rng.uniform(0.2, 1, 3))
+    new = upright(np.zeros(3), rng.uniform(0.2, 1, 3))
     yaw = rng.uniform(0, 6.28)
     new[:, :2], new[:, 2:4] = rng.uniform(-0.8, 0.8, 2), (np.cos(yaw), np.sin(yaw))
+
+    # points all over the new one
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 60)] * 2), axis=-1).reshape(-1, 2)
     own = grid * new[0, 4:6]
     xy = new[0, :2] + own[:, :1] * new[0, 2:4] + own[:, 1:] * [-new[0, 3], new[0, 2]]
     meets = (np.abs(xy - there[0, :2]) < there[0, 4:6]).all(axis=1).any()
-    exact, lenient = (
-        Collisions(slack=0.0),
-        Collisions(slack=0.03),
-    )  # the points are up to 3 cm apart
+
+    # they are up to 3 cm apart
+    exact, lenient = Collisions(slack=0.0), Collisions(slack=0.03)
     exact.add(there)
     lenient.add(there)
     assert exact.meets(new) >= meets

@@ -7,14 +7,16 @@ import pytest
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.synth.building import layout
-from mcpseg_cli.synth.building.fittings import leaf_line, wall_of
+from mcpseg_cli.synth.building.corridors import join_corridors
 from mcpseg_cli.synth.building.layout import plan_area
-from mcpseg_cli.synth.surfaces.catalogue import STYLES, style_of
+from mcpseg_cli.synth.building.spaces import Space
+from mcpseg_cli.synth.building.walls import leaf_line, wall_of
+from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
 def plans():
     counts = [16, 8, 24, 12, 44, 16, 16] * 2
-    pairs = enumerate(zip(STYLES * 2, counts, strict=True))
+    pairs = enumerate(zip(styles() * 2, counts, strict=True))
     return [
         (style, plan_area(style, count, np.random.default_rng(seed)))
         for seed, (style, count) in pairs
@@ -25,7 +27,7 @@ PLANS = plans()
 
 
 def neighbours(rooms):
-    """Pairs of rooms with an opening that one can walk through, found by the places of the openings alone."""
+    """Pairs of rooms that one can walk between, found by the places of the openings alone."""
     for i, first in enumerate(rooms):
         for j, second in enumerate(rooms):
             for a, b in itertools.product(first.openings, second.openings):
@@ -45,7 +47,7 @@ def test_rooms_do_not_overlap_and_have_walls_between_them(style, rooms):
 
 @pytest.mark.parametrize("count", [2, 3, 8, 16, 44, 120])
 def test_a_plan_has_the_number_of_rooms_asked_for(count):
-    assert len(plan_area(STYLES[0], count, np.random.default_rng(count))) == count
+    assert len(plan_area(styles()[0], count, np.random.default_rng(count))) == count
 
 
 @pytest.mark.parametrize(("style", "rooms"), PLANS)
@@ -73,6 +75,8 @@ def test_all_corridors_and_rooms_with_an_open_door_are_connected(number):
             for i, room in enumerate(rooms)
             if room.kind == "hallway" or any(map(is_open, room.openings))
         }
+
+        # from one of them through all openings
         links = list(neighbours(rooms))
         reached = {min(wanted)}
         for _ in rooms:
@@ -87,22 +91,19 @@ def is_open(opening):
 
 
 def test_corridors_that_do_not_meet_are_told_from_those_that_do():
-    boxes = [
-        (0.0, 0.0, 4.0, 2.0),
-        (4.1, 0.0, 8.0, 2.0),
-        (3.0, 2.12, 5.0, 6.0),
-    ]  # the leg shares 1 m with each
+    # the leg shares 1 m with each
+    boxes = [(0.0, 0.0, 4.0, 2.0), (4.1, 0.0, 8.0, 2.0), (3.0, 2.12, 5.0, 6.0)]
     rng = np.random.default_rng(0)
-    assert not layout._join([layout.Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
-    assert layout._join([layout.Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
+    assert not join_corridors([Space("hallway", box, 0.0) for box in boxes], 2.8, rng)
+    assert join_corridors([Space("hallway", box, 0.0) for box in boxes[:2]], 2.8, rng)
 
 
 def test_a_plan_that_cannot_be_drawn_is_refused_in_one_line(monkeypatch):
-    monkeypatch.setattr(layout, "_join", lambda *_: False)
+    monkeypatch.setattr(layout, "join_corridors", lambda *_: False)
     with pytest.raises(
         InputError, match="expected rooms that fit along corridors; try another"
     ) as caught:
-        plan_area(STYLES[0], 8, np.random.default_rng(0))
+        plan_area(styles()[0], 8, np.random.default_rng(0))
     assert "\n" not in str(caught.value)
 
 
@@ -159,7 +160,7 @@ def test_columns_and_shafts_keep_off_openings_and_each_other(style, rooms):
 
 
 def test_the_same_seed_draws_the_same_plan():
-    first, second = (plan_area(STYLES[2], 16, np.random.default_rng(5)) for _ in range(2))
+    first, second = (plan_area(styles()[2], 16, np.random.default_rng(5)) for _ in range(2))
     assert [(r.name, r.openings, r.low.tolist()) for r in first] == [
         (r.name, r.openings, r.low.tolist()) for r in second
     ]
@@ -167,7 +168,7 @@ def test_the_same_seed_draws_the_same_plan():
 
 def test_styles_come_in_turn_and_differ_from_area_eight_on():
     names = [style_of(number, np.random.default_rng(0)).name for number in range(1, 14)]
-    assert names[:7] == [style.name for style in STYLES]
+    assert names[:7] == [style.name for style in styles()]
     assert names[7:] == [*names[1:6], names[0]]  # no homes among the crosses
     assert (
         style_of(8, np.random.default_rng(3)).walls != style_of(2, np.random.default_rng(3)).walls
@@ -175,7 +176,7 @@ def test_styles_come_in_turn_and_differ_from_area_eight_on():
 
 
 def test_homes_have_the_rooms_of_homes_and_offices_have_none_of_them():
-    kinds = {style.name: set() for style in STYLES}
+    kinds = {style.name: set() for style in styles()}
     for style, rooms in PLANS:
         kinds[style.name] |= {room.kind for room in rooms}
     homes = kinds.pop("homes") - {"hallway"}

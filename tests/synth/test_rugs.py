@@ -21,14 +21,16 @@ def test_floor_and_rugs_cover_the_room_once(seed):
         make_rug(outline, STYLE, rng).moved(x=x, y=y, yaw=rng.uniform(0, 6))
         for outline, (x, y) in zip(outlines, spots, strict=True)
     ]
+
+    # one floor of the room's size that faces up
     joined = lay_rugs([FLOOR, CHAIR, *rugs])
     assert [item.name for item in joined] == ["floor", "chair"]
     triangles = np.concatenate([part.triangles for part in joined[0].parts])
     assert area_of(triangles).sum() == pytest.approx(20.0, abs=1e-4)
     sides = triangles[:, 1:, :2] - triangles[:, :1, :2]
-    assert (
-        sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
-    ).all()  # all face up
+    assert (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0).all()
+
+    # each point lies in one of its triangles
     xy = rng.uniform((0, 0), (5, 4), (400, 2))
     assert (_covers(triangles, xy) == 1).all()
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.synth.geometry.solids import Item, box, part_of, quad, tube
-from mcpseg_cli.synth.scanning import lighting, photo, scanner
+from mcpseg_cli.synth.scanning import lighting, photo, scanner, viewing
 from mcpseg_cli.synth.scanning.sampling import Samples, mesh_of, sample_mesh
 from mcpseg_cli.synth.scanning.visibility import (
     VOXEL,
@@ -13,6 +13,7 @@ from mcpseg_cli.synth.scanning.visibility import (
     is_clear,
     number_cells,
 )
+from mcpseg_cli.synth.surfaces.catalogue import styles
 from mcpseg_cli.synth.surfaces.materials import Material
 
 GREY = Material("plain", (120, 120, 120), (90, 90, 90))
@@ -67,10 +68,13 @@ def test_shine_is_the_same_as_its_slow_twin(scene):
     rng = np.random.default_rng(2)
     rows = rng.choice(len(samples.xyz), 80, replace=False)
     xyz, normals = (samples.xyz[rows] - grid.low) / VOXEL, samples.normals[rows].astype(np.float64)
-    spots, facing, colour, power = lighting._lights(mesh, grid, rng)
+    lights = lighting._lights(mesh, grid, rng)
+    spots, facing, colour, power = lights.spots, lights.facing, lights.colour, lights.power
     draws = rng.integers(lighting.SPOTS, size=(80, 1), dtype=np.uint8)
     fast = np.zeros((80, 3), np.float32)
     lighting._shine(xyz, normals, spots, facing, colour, power, draws, grid.distance, fast)
+
+    # one lamp: three rays each
     slow = np.zeros((80, 3))
     for row in range(80):
         ray = spots[0, draws[row, 0]] - xyz[row]
@@ -100,6 +104,8 @@ def test_blurred_light_is_the_average_around_each_probe():
     places = list(dict.fromkeys(places))
     for number, place in enumerate(places):
         table[(*place, 2)] = number + 1
+
+    # itself counts for three
     light = rng.random((len(places), 3)).astype(np.float32)
     fast = lighting._blur(light, table.ravel(), shape)
     for number, place in enumerate(places):
@@ -123,26 +129,28 @@ def test_views_are_the_same_as_their_slow_twin(scene):
     mesh, grid, samples = scene
     tripods = np.array([[0.4, 0.4, 1.5], [3.5, 2.0, 1.4], [3.5, 3.5, 1.6]])
     rows = np.random.default_rng(4).choice(len(samples.xyz), 200, replace=False)
-    xyz, normals, closed = (
-        samples.xyz[rows],
-        samples.normals[rows],
-        mesh.is_closed[samples.part[rows]],
-    )
+    xyz, normals = samples.xyz[rows], samples.normals[rows]
+    closed = mesh.is_closed[samples.part[rows]]
+
     views = np.zeros(200, np.uint16)
-    scanner._look_out(xyz, normals, closed, tripods, grid.low, grid.distance, views)
+    viewing._look_out(xyz, normals, closed, tripods, grid.low, grid.distance, views)
     draws = np.random.default_rng(5).random(200, np.float32)
     chosen = np.full(200, -1, np.int8)
-    scanner._choose_viewer(
+    viewing._choose_viewer(
         xyz, normals, closed, views, np.arange(200, dtype=np.int32), tripods, draws, chosen
     )
+
     same = 0
     for row in range(200):
+        # which tripods see it
         bits = [
             view
             for view in range(3)
             if slow_view(xyz[row], normals[row], closed[row], tripods[view], grid)
         ]
         same += views[row] == sum(1 << view for view in bits)
+
+        # which of them takes it
         bits = [view for view in range(3) if views[row] >> view & 1]
         need, best = draws[row], -1
         for view in sorted(bits, key=lambda view: np.hypot(*(tripods[view] - xyz[row])[:2])):
@@ -165,35 +173,36 @@ def slow_view(point, normal, closed, tripod, grid):
 
 def test_a_wall_behind_a_board_is_covered_and_around_it_is_not():
     rng = np.random.default_rng(6)
-    place = np.column_stack([rng.uniform(0, 3, 500), np.zeros(500), rng.uniform(0, 3, 500)]).astype(
-        np.float32
-    )
+    along, up = rng.uniform(0, 3, 500), rng.uniform(0, 3, 500)
+    place = np.column_stack([along, np.zeros(500), up]).astype(np.float32)
     place = place[np.argsort(place[:, 0])]
     normals = np.tile(np.float32([0, 1, 0]), (500, 1))
+
+    # the board covers one square metre
     board = part_of(box((1, 0, 1), (2, 0.02, 2)), GREY)
     around = np.array([[board.low, board.high]])
     own = np.array([[board.low, board.high, board.origin]])
     covered = np.zeros(500, bool)
-    scanner._mark_under(place, normals, np.arange(500), around, own, np.zeros(1), covered)
+    viewing._mark_under(place, normals, np.arange(500), around, own, np.zeros(1), covered)
     assert np.array_equal(covered, ((place[:, [0, 2]] > 1) & (place[:, [0, 2]] < 2)).all(axis=1))
 
 
 def test_only_boxes_count_as_boxes_not_every_part_of_twelve_triangles():
-    assert scanner._is_box(part_of(box((0, 0, 0), (1, 2, 3)), GREY).moved(1.0, 2.0, 0.0, 0.4))
-    assert not scanner._is_box(part_of(tube((0, 0, 0), (0, 0, 1), 0.1, sides=6), GREY))
+    assert viewing.is_box(part_of(box((0, 0, 0), (1, 2, 3)), GREY).moved(1.0, 2.0, 0.0, 0.4))
+    assert not viewing.is_box(part_of(tube((0, 0, 0), (0, 0, 1), 0.1, sides=6), GREY))
 
 
 def test_glass_and_dark_things_lose_patches_and_plain_walls_hardly_anything():
-    dark, glass = (
-        Material("metal", (20, 20, 22), (9, 9, 9), seed=4),
-        Material("glass", (90, 100, 110), (150, 160, 170)),
-    )
+    dark = Material("metal", (20, 20, 22), (9, 9, 9), seed=4)
+    glass = Material("glass", (90, 100, 110), (150, 160, 170))
     sheets = [
         part_of(quad((3 * k, 0, 0), (2, 0, 0), (0, 0, 2)), m)
         for k, m in enumerate((GREY, dark, glass))
     ]
     mesh = mesh_of([Item("clutter", (sheet,)) for sheet in sheets])
     samples = sample_mesh(mesh, 0.05, np.random.default_rng(0))
+
+    # shares of each that are lost, over 30 seeds
     lost = np.zeros(3)
     for seed in range(30):
         gaps = scanner._gaps(mesh, samples, np.random.default_rng(seed))
@@ -207,7 +216,7 @@ def test_backs_that_touch_the_wall_are_marked():
     points = np.float32([[0, 0.5, 0.5], [0.3, 0.5, 0.5], [1, 0.5, 0.5]])
     normals = np.float32([[-1, 0, 0], [-1, 0, 0], [-1, 0, 0]])
     marked = np.zeros(3, bool)
-    scanner._mark_outward(
+    viewing._mark_outward(
         points, normals, np.array([True, True, True]), np.array([[0, 0, 0], [2, 2, 2.0]]), marked
     )
     assert marked.tolist() == [True, False, False]
@@ -237,14 +246,14 @@ def test_darker_light_makes_darker_photos(scene):
     mesh, _, samples = scene
     painted = np.full((len(samples.xyz), 3), 120, np.float32)
     light = np.where(samples.xyz[:, :1] > 2, 1.6, 0.4).astype(np.float32).repeat(3, axis=1)
-    view = np.zeros(len(painted), np.int8)
-    from mcpseg_cli.synth import STYLES
+    view, rng = np.zeros(len(painted), np.int8), np.random.default_rng(9)
 
-    shown = photo.develop(mesh, samples, painted, light, view, STYLES[0], np.random.default_rng(9))
+    # half of the floor is bright, and the lamp itself
+    shown = photo.develop(mesh, samples, painted, light, view, styles()[0], rng)
     floor = samples.part == 0
     bright = samples.xyz[:, 0] > 2
     assert shown[floor & bright].mean() > 1.2 * shown[floor & ~bright].mean()
-    assert shown[samples.part == 2].mean() > shown[floor].mean()  # the lamp itself
+    assert shown[samples.part == 2].mean() > shown[floor].mean()
 
 
 def test_choosing_samples_keeps_their_order():

@@ -9,11 +9,11 @@ from mcpseg_cli.synth.building.shell import build_shell
 from mcpseg_cli.synth.geometry.solids import Item, area_of, box, part_of, quad
 from mcpseg_cli.synth.scanning.sampling import mesh_of, sample_mesh
 from mcpseg_cli.synth.scanning.visibility import VOXEL, RoomGrid, build_room_grid, sees
-from mcpseg_cli.synth.surfaces.catalogue import STYLES, style_of
+from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
 def shells():
-    for seed, style in enumerate(STYLES):
+    for seed, style in enumerate(styles()):
         rng = np.random.default_rng(seed)
         for room in plan_area(style, 8, rng):
             yield room, build_shell(room, style, rng)
@@ -61,6 +61,8 @@ def test_nothing_floats_in_the_air(room, items):
 def test_walls_face_into_the_room_and_leave_openings_free(room, items):
     mesh = mesh_of([item for item in items if item.name == "wall"][:4])
     middle = np.array([*(room.low + room.high) / 2, room.ceiling / 2])
+
+    # the triangles of the walls' own faces
     on_plane = np.zeros(len(mesh.normals), bool)
     for axis in range(2):
         for bound in (room.low[axis], room.high[axis]):
@@ -69,6 +71,7 @@ def test_walls_face_into_the_room_and_leave_openings_free(room, items):
         (mesh.triangles[..., :2] > room.low - 1e-9) & (mesh.triangles[..., :2] < room.high + 1e-9)
     ).all(axis=(1, 2))
     sheet = on_plane & inside & ~mesh.is_closed[mesh.part]
+
     inwards = ((middle - mesh.triangles.mean(axis=1)) * mesh.normals).sum(axis=1)
     assert (inwards[sheet] > 0).all()
     holes = sum((o.end - o.start) * (o.high - o.low) for o in room.openings)
@@ -86,10 +89,12 @@ def test_samples_are_as_dense_as_asked_for():
 
 
 def test_points_lie_more_evenly_than_random_ones_also_after_thinning():
-    sheet = part_of(quad((0, 0, 0), (4, 0, 0), (0, 1, 0)), STYLES[0].floors[0])
+    sheet = part_of(quad((0, 0, 0), (4, 0, 0), (0, 1, 0)), styles()[0].floors[0])
     rng = np.random.default_rng(3)
     samples = sample_mesh(mesh_of([Item("floor", (sheet,))]), 0.03, rng)
     probes = rng.uniform((0.1, 0.1), (3.9, 0.9), (4000, 2))
+
+    # how large holes are, beside those of random points
     for share in (1.0, 0.7, 0.4):
         kept = samples.xyz[samples.rank < share, :2]
         assert len(kept) == pytest.approx(share * len(samples.xyz), rel=0.03)
@@ -106,6 +111,8 @@ def test_corridors_of_a_building_look_the_same():
         room for room in plan_area(style, 24, np.random.default_rng(2)) if room.kind == "hallway"
     ]
     assert len(halls) > 2
+
+    # whatever else is drawn for each
     looks = set()
     for seed, hall in enumerate(halls):
         items = build_shell(hall, style, np.random.default_rng(seed))
@@ -151,6 +158,6 @@ def test_rays_in_the_open_are_free():
 
 
 def test_the_grid_knows_how_far_the_next_surface_is():
-    grid = build_room_grid(part_of(box((0, 0, 0), (1, 1, 0.02)), STYLES[0].floors[0]).triangles)
+    grid = build_room_grid(part_of(box((0, 0, 0), (1, 1, 0.02)), styles()[0].floors[0]).triangles)
     assert grid.at(np.array([[0.5, 0.5, 0.01]]))[0] == 0
     assert grid.at(np.array([[0.5, 0.5, 0.1]]))[0] == 2

@@ -43,12 +43,9 @@ def test_tiles_have_grout_along_their_edges():
     place = np.linspace(0.01, 1.19, 600, dtype=np.float32)
     xyz = np.column_stack([place, np.full_like(place, 0.15), np.zeros_like(place)])
     normals = np.tile(np.float32([0, 0, 1]), (len(place), 1))
-    colour = paint_points(
-        Material("tiles", (200, 200, 200), (20, 20, 20), 0.3),
-        xyz,
-        normals,
-        np.random.default_rng(0),
-    )
+    tiles, rng = Material("tiles", (200, 200, 200), (20, 20, 20), 0.3), np.random.default_rng(0)
+    colour = paint_points(tiles, xyz, normals, rng)
+
     dark = np.flatnonzero(colour[:, 0] < 80)
     assert len(dark)
     assert (np.abs(place[dark] / 0.3 - np.round(place[dark] / 0.3)) < 0.02).all()

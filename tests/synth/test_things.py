@@ -1,11 +1,11 @@
-"""The furniture catalogue: right class, stands on the floor, sensible sizes, sound triangles, repeatable."""
+"""The furniture catalogue: right class, on the floor, sensible sizes, sound triangles."""
 
 import numpy as np
 import pytest
 
 from mcpseg_cli.synth.geometry import shapes
 from mcpseg_cli.synth.geometry.solids import area_of
-from mcpseg_cli.synth.surfaces.styles import Style
+from mcpseg_cli.synth.surfaces.catalogue import styles
 from mcpseg_cli.synth.things.boards import BOARD_KINDS, make_board
 from mcpseg_cli.synth.things.bookcases import BOOKCASE_KINDS, make_bookcase
 from mcpseg_cli.synth.things.chairs import CHAIR_DESIGNS, make_chair
@@ -14,17 +14,19 @@ from mcpseg_cli.synth.things.home_sofas import make_home_sofa
 from mcpseg_cli.synth.things.sofas import make_sofa
 from mcpseg_cli.synth.things.tables import TABLE_DESIGNS, make_table
 
-STYLE = Style(
-    "test",
-    wood=((150, 105, 65), (190, 150, 105)),
-    upholstery=((60, 80, 120), (120, 50, 50)),
-    metal=((170, 172, 176), (60, 60, 64)),
-    plastic=((230, 230, 228), (60, 62, 66)),
-    fabric=("weave", "plain"),
-    table_tops=("wood", "plain"),
-    chairs=("task", "four-leg"),
-    tables=("desk", "round"),
-    tidiness=0.4,
+STYLE = styles()[0].model_copy(
+    update={
+        "name": "test",
+        "wood": ((150, 105, 65), (190, 150, 105)),
+        "upholstery": ((60, 80, 120), (120, 50, 50)),
+        "metal": ((170, 172, 176), (60, 60, 64)),
+        "plastic": ((230, 230, 228), (60, 62, 66)),
+        "fabric": ("weave", "plain"),
+        "table_tops": ("wood", "plain"),
+        "chairs": ("task", "four-leg"),
+        "tables": ("desk", "round"),
+        "tidiness": 0.4,
+    }
 )
 SIZES = {
     "four-leg": ((0.38, 0.4, 0.7), (0.75, 0.8, 1.05)),
@@ -54,10 +56,13 @@ def catalogue(seed):
         yield design, "chair", [make_chair(design, STYLE, rng)]
     for design in TABLE_DESIGNS:
         yield design, "table", [make_table(design, STYLE, rng)]
+
+    # seats for several
     for seats in (1, 2, 3):
         yield f"sofa {seats}", "sofa", [make_sofa(seats, STYLE, rng)]
     for corner in (-1.0, 0.0, 1.0):
         yield f"home sofa {corner}", "sofa", [make_home_sofa(2, STYLE, rng, corner).item]
+
     for kind in BOOKCASE_KINDS:
         yield kind, "bookcase", make_bookcase(kind, STYLE, rng)
     for kind in BOARD_KINDS:

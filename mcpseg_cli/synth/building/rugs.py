@@ -14,18 +14,10 @@ from mcpseg_cli.synth.surfaces.materials import Colour, Pattern
 from mcpseg_cli.synth.surfaces.styles import Style, paint
 
 RUG_HEIGHT = 0.004
-"""How far a rug lies over the floor, metres: less than what furniture that stands on it would be seen to sink in."""
+"""How far a rug lies over the floor, metres: too little to see furniture sink in."""
 _COLOURS: tuple[Colour, ...] = (
-    (112, 36, 36),
-    (134, 70, 54),
-    (58, 64, 92),
-    (92, 88, 84),
-    (184, 172, 150),
-    (206, 196, 176),
-    (64, 62, 62),
-    (150, 118, 72),
-    (70, 90, 84),
-    (140, 128, 116),
+    *((112, 36, 36), (134, 70, 54), (58, 64, 92), (92, 88, 84), (184, 172, 150)),
+    *((206, 196, 176), (64, 62, 62), (150, 118, 72), (70, 90, 84), (140, 128, 116)),
 )
 _PATTERNS: tuple[Pattern, ...] = ("print", "print", "carpet", "weave", "stripes", "checks")
 
@@ -48,16 +40,16 @@ def make_rug(outline: Outline, style: Style, rng: np.random.Generator) -> Item:
     pattern = _PATTERNS[rng.integers(len(_PATTERNS))]
     field = paint(colours[rng.integers(len(colours))], rng, pattern, rng.uniform(0.03, 0.4))
     other = colours[rng.integers(len(colours))]
-    field = replace(
-        field, accent=other if pattern in ("print", "stripes", "checks") else field.accent
-    )
+    if pattern in ("print", "stripes", "checks"):
+        field = replace(field, accent=other)
     if rng.random() < 0.35:
         return Item("floor", (part_of(_sheet([outline]), field),))
+
+    # a border all round
     inner = outline * (1.0 - rng.uniform(0.1, 0.4) / np.ptp(outline, axis=0))
     border = paint(other, rng, "carpet", 0.1)
-    return Item(
-        "floor", (part_of(_sheet([inner]), field), part_of(_sheet(_cut(outline, inner)), border))
-    )
+    rim = part_of(_sheet(_cut(outline, inner)), border)
+    return Item("floor", (part_of(_sheet([inner]), field), rim))
 
 
 def lay_rugs(items: Sequence[Item]) -> list[Item]:
@@ -73,11 +65,14 @@ def lay_rugs(items: Sequence[Item]) -> list[Item]:
     floors = [item for item in items if item.name == "floor"]
     if len(floors) < 2:
         return list(items)
+
+    # each rug is cut out of all that lies there before it
     parts = floors[0].parts
     for rug in floors[1:]:
         corners = np.concatenate([part.triangles[..., :2].reshape(-1, 2) for part in rug.parts])
         outline = corners[ConvexHull(corners).vertices]
         parts = tuple(kept for part in parts for kept in _without(part, outline)) + rug.parts
+
     joined = Item("floor", parts)
     return [
         joined if item is floors[0] else item
@@ -113,6 +108,8 @@ def _half(polygon: Outline, start: Outline, end: Outline) -> Outline:
     along = end - start
     side = along[0] * (polygon[:, 1] - start[1]) - along[1] * (polygon[:, 0] - start[0])
     kept = []
+
+    # corners on the left, and where edges cross the line
     for number in range(len(polygon)):
         after = (number + 1) % len(polygon)
         if side[number] >= 0:
@@ -127,7 +124,6 @@ def _sheet(pieces: Sequence[Outline], level: float = RUG_HEIGHT) -> Triangles:
     """Return the triangles of convex pieces at a height, facing up."""
     if not pieces:
         return np.zeros((0, 3, 3))
-    flat = np.concatenate(
-        [np.stack([np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]], axis=1) for p in pieces]
-    )
+    fans = [(np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]) for p in pieces]
+    flat = np.concatenate([np.stack(fan, axis=1) for fan in fans])
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), level)], axis=2)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.synth.geometry.solids import Item
 
 Boxes = NDArray[np.float64]
-"""(N, 8): centre x, y; cosine and sine of the yaw; half sizes along its own x and y; lowest and highest z."""
+"""(N, 8): centre x, y; cosine and sine of the yaw; half sizes along its x, y; its z range."""
 
 
 def boxes_of(item: Item) -> Boxes:
@@ -19,11 +19,12 @@ def boxes_of(item: Item) -> Boxes:
     yaw = np.array([part.yaw for part in item.parts])
     cosine, sine = np.cos(yaw), np.sin(yaw)
     middle, half = (low + high) / 2, (high - low) / 2
+
+    # from the part's own frame into the object's
     x = cosine * middle[:, 0] - sine * middle[:, 1] + origin[:, 0]
     y = sine * middle[:, 0] + cosine * middle[:, 1] + origin[:, 1]
-    return np.column_stack(
-        [x, y, cosine, sine, half[:, :2], low[:, 2] + origin[:, 2], high[:, 2] + origin[:, 2]]
-    )
+    bottom, top = low[:, 2] + origin[:, 2], high[:, 2] + origin[:, 2]
+    return np.column_stack([x, y, cosine, sine, half[:, :2], bottom, top])
 
 
 def upright(low: NDArray[np.float64], high: NDArray[np.float64]) -> Boxes:
@@ -65,7 +66,7 @@ class Collisions:
     """Boxes that are there already; asked for those that a new one would meet."""
 
     def __init__(self, slack: float = 0.002) -> None:
-        """Start empty; boxes that overlap by less than ``slack`` metres in some direction do not count as meeting."""
+        """Start empty; boxes that overlap by less than ``slack`` metres do not meet."""
         self._slack = slack
         self._boxes: Boxes = np.empty((256, 8))
         self._reach: NDArray[np.float64] = np.empty((256, 2))
@@ -85,24 +86,25 @@ class Collisions:
         """Tell whether any of the boxes, (P, 8), meets one that is there."""
         corners = extent(boxes)
         there, reach = self._boxes[: self._count], self._reach[: self._count]
-        near = (
-            np.abs(there[:, :2] - (corners[0, :2] + corners[1, :2]) / 2)
-            < reach + (corners[1, :2] - corners[0, :2]) / 2
-        ).all(axis=1)
+
+        # those whose outlines come near at all
+        middle, half = (corners[0] + corners[1])[:2] / 2, (corners[1] - corners[0])[:2] / 2
+        near = (np.abs(there[:, :2] - middle) < reach + half).all(axis=1)
         near &= (there[:, 6] < corners[1, 2]) & (there[:, 7] > corners[0, 2])
         rows = np.flatnonzero(near)
         return len(rows) > 0 and bool(_overlap(boxes, there[rows], self._slack).any())
 
 
 def _overlap(first: Boxes, second: Boxes, slack: float) -> NDArray[np.bool_]:
-    """Return which of P boxes meet which of N: heights, then the separating axes of both, (P, N)."""
+    """Return which of P boxes meet which of N, (P, N)."""
     a, b = first[:, None], second[None]
     step = b[..., :2] - a[..., :2]
     cosine = np.abs(a[..., 2] * b[..., 2] + a[..., 3] * b[..., 3])
     sine = np.abs(a[..., 2] * b[..., 3] - a[..., 3] * b[..., 2])
-    met: NDArray[np.bool_] = (
-        np.minimum(a[..., 7], b[..., 7]) - np.maximum(a[..., 6], b[..., 6]) > slack
-    )
+
+    # heights, then the separating axes of both
+    shared = np.minimum(a[..., 7], b[..., 7]) - np.maximum(a[..., 6], b[..., 6])
+    met: NDArray[np.bool_] = shared > slack
     for one, other in ((a, b), (b, a)):
         along = np.abs(step[..., 0] * one[..., 2] + step[..., 1] * one[..., 3])
         across = np.abs(step[..., 1] * one[..., 2] - step[..., 0] * one[..., 3])

@@ -1,4 +1,4 @@
-"""Solids that buildings and furniture are put together from: triangles with a material, and the box that holds them."""
+"""Solids that buildings and furniture are made of: triangles with a material and their box."""
 
 from __future__ import annotations
 
@@ -39,10 +39,8 @@ class Part:
         """Return the part turned about the z axis of the frame it stands in, then shifted."""
         turn = _turn(yaw)
         shift = np.array([x, y, z])
-        triangles = self.triangles @ turn.T + shift
-        return replace(
-            self, triangles=triangles, origin=turn @ self.origin + shift, yaw=self.yaw + yaw
-        )
+        triangles, origin = self.triangles @ turn.T + shift, turn @ self.origin + shift
+        return replace(self, triangles=triangles, origin=origin, yaw=self.yaw + yaw)
 
 
 @dataclass(frozen=True)
@@ -75,35 +73,29 @@ def part_of(triangles: Triangles, material: Material) -> Part:
 
 def box(low: Sequence[float], high: Sequence[float]) -> Triangles:
     """Return the 12 triangles of an upright box, facing outwards."""
-    corners = np.array(
-        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    )
+    xs, ys, zs = ((low[axis], high[axis]) for axis in range(3))
+    corners = np.array([[x, y, z] for x in xs for y in ys for z in zs])
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return np.array(
-        [corners[list(face)] for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.float64
-    )
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return np.array([corners[list(face)] for face in faces], np.float64)
 
 
 def quad(corner: Sequence[float], along: Sequence[float], up: Sequence[float]) -> Triangles:
     """Return the two triangles of a parallelogram; it faces ``along`` x ``up``."""
     start, first, second = (np.asarray(vector, np.float64) for vector in (corner, along, up))
-    return np.array(
-        [
-            [start, start + first, start + first + second],
-            [start, start + first + second, start + second],
-        ]
-    )
+    far = start + first + second
+    return np.array([[start, start + first, far], [start, far, start + second]])
 
 
 def prism(outline: NDArray[np.float64], low: float, high: float) -> Triangles:
-    """Return a convex outline, (K, 2) counter-clockwise, drawn up from ``low`` to ``high``, with both ends."""
+    """Return a convex outline, (K, 2) counter-clockwise, drawn up from ``low`` to ``high``."""
     return frustum(outline, outline, low, high)
 
 
 def frustum(
     bottom: NDArray[np.float64], top: NDArray[np.float64], low: float, high: float
 ) -> Triangles:
-    """Return the solid between two convex outlines of equally many corners, (K, 2) counter-clockwise, with ends."""
+    """Return the solid between two convex outlines, (K, 2) counter-clockwise each, with ends."""
     below = np.column_stack([bottom, np.full(len(bottom), low)])
     above = np.column_stack([top, np.full(len(top), high)])
     faces = [[below[0], below[k + 1], below[k]] for k in range(1, len(below) - 1)]
@@ -129,14 +121,9 @@ def ball(radii: Sequence[float], centre: Sequence[float] = (0, 0, 0), rings: int
     """Return an ellipsoid of ``rings`` x ``2 rings`` faces."""
     polar = np.linspace(0, np.pi, rings + 1)
     around = np.linspace(0, 2 * np.pi, 2 * rings + 1)
-    grid = np.stack(
-        [
-            np.outer(np.sin(polar), np.cos(around)),
-            np.outer(np.sin(polar), np.sin(around)),
-            np.outer(np.cos(polar), np.ones(len(around))),
-        ],
-        axis=-1,
-    )
+    x, y = np.outer(np.sin(polar), np.cos(around)), np.outer(np.sin(polar), np.sin(around))
+    z = np.outer(np.cos(polar), np.ones(len(around)))
+    grid = np.stack([x, y, z], axis=-1)
     return surface(grid * np.asarray(radii, np.float64) + np.asarray(centre, np.float64))
 
 

@@ -6,59 +6,64 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mcpseg_cli.synth.building.fittings import leaf_line
+from mcpseg_cli.synth.building.walls import leaf_line
 from mcpseg_cli.synth.geometry.collisions import Boxes, reach_of, upright
 from mcpseg_cli.synth.plan import Room
 
 CELL = 0.1
 """Edge of a cell, metres."""
 ROBOT_RADIUS = 0.26
-"""Half the width that has to fit through, metres: on cells of 0.2 m a way of 0.52 m is never lost."""
+"""Half the width that has to fit through, metres: on such cells a way of 0.52 m is never lost."""
 ROBOT_HEIGHT = 1.5
 """What hangs higher is no obstacle, metres."""
 
 
 class FloorSpace:
-    """Raster of a room's floor: the cells where a robot can stand, and whether it can get to them from the doors."""
+    """Raster of a room's floor: where a robot can stand and get to from the doors."""
 
     def __init__(self, room: Room) -> None:
-        """Rasterise a room without furniture; columns (taken up to the ceiling) and open leaves are obstacles."""
+        """Rasterise a room without furniture; columns and open leaves are obstacles."""
         self._low = room.low
-        size = room.high - room.low
-        shape = np.maximum(np.floor(size / CELL).astype(int), 1)
+        shape = np.maximum(np.floor((room.high - room.low) / CELL).astype(int), 1)
         self._x = room.low[0] + (np.arange(shape[0]) + 0.5) * CELL
         self._y = room.low[1] + (np.arange(shape[1]) + 0.5) * CELL
-        self.free: NDArray[np.bool_] = np.zeros(tuple(shape), bool)
-        inside = [
-            (axis > low + ROBOT_RADIUS) & (axis < high - ROBOT_RADIUS)
-            for axis, low, high in zip((self._x, self._y), room.low, room.high, strict=True)
-        ]
-        self.free |= inside[0][:, None] & inside[1]
-        self._doors = [
-            self._cells_at(room, opening.side, (opening.start + opening.end) / 2)
-            for opening in room.openings
-            if opening.kind != "window"
-        ]
-        for taken in room.taken:
-            if taken[1, 2] > room.ceiling - 0.1 and taken[0, 2] < 0.5:
-                window, blocked = self._shadow(upright(taken[0], taken[1]))
-                self.free[window] &= ~blocked
-        for leaf in (leaf for opening in room.openings for leaf in leaf_line(room, opening)):
-            window, blocked = self._shadow(_leaf_box(*leaf))
+
+        # walls keep the robot off by its radius
+        axes = zip((self._x, self._y), room.low, room.high, strict=True)
+        along, across = (
+            (axis > low + ROBOT_RADIUS) & (axis < high - ROBOT_RADIUS) for axis, low, high in axes
+        )
+        self.free: NDArray[np.bool_] = along[:, None] & across
+
+        # so do columns, which are taken up to the ceiling, and open leaves
+        standing = [box for box in room.taken if box[1, 2] > room.ceiling - 0.1 and box[0, 2] < 0.5]
+        obstacles = [upright(low, high) for low, high in standing]
+        leaves = [leaf for opening in room.openings for leaf in leaf_line(room, opening)]
+        obstacles += [_leaf_box(*leaf) for leaf in leaves]
+        for obstacle in obstacles:
+            window, blocked = self._shadow(obstacle)
             self.free[window] &= ~blocked
+
+        # it comes in through the doors, whatever stands there
+        doors = [opening for opening in room.openings if opening.kind != "window"]
+        self._doors = [
+            self._cells_at(room, door.side, (door.start + door.end) / 2) for door in doors
+        ]
         for cells in self._doors:
             self.free[cells] = True
         self._lost = self._cut_off(self.free)
         self._allowed = self._lost + max(20, int(0.015 * self.free.sum()))
 
     def admits(self, boxes: Boxes) -> bool:
-        """Take the boxes of an object, (P, 8), in; refuse it, changing nothing, if it cuts floor off from the doors."""
+        """Take an object's boxes, (P, 8), in, unless it cuts floor off from the doors."""
         standing = boxes[(boxes[:, 6] < ROBOT_HEIGHT)]
         if len(standing) == 0:
             return True
         window, blocked = self._shadow(standing)
         if not (self.free[window] & blocked).any():
             return True
+
+        # nothing changes if it is refused
         free = self.free.copy()
         free[window] &= ~blocked
         lost = self._cut_off(free)
@@ -71,9 +76,8 @@ class FloorSpace:
         """Return the cells in front of an opening's middle, 0.2-0.5 m into the room."""
         x = {0: along, 1: room.high[0] - 0.35, 2: along, 3: room.low[0] + 0.35}[side]
         y = {0: room.low[1] + 0.35, 1: along, 2: room.high[1] - 0.35, 3: along}[side]
-        spot = np.clip(
-            ((np.array([x, y]) - self._low) / CELL).astype(int), 1, np.array(self.free.shape) - 2
-        )
+        cell = ((np.array([x, y]) - self._low) / CELL).astype(int)
+        spot = np.clip(cell, 1, np.array(self.free.shape) - 2)
         return slice(spot[0] - 1, spot[0] + 2), slice(spot[1] - 1, spot[1] + 2)
 
     def _shadow(self, boxes: Boxes) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
@@ -82,6 +86,8 @@ class FloorSpace:
         low = np.floor(((boxes[:, :2] - reach).min(axis=0) - self._low) / CELL).astype(int).clip(0)
         high = np.ceil(((boxes[:, :2] + reach).max(axis=0) - self._low) / CELL).astype(int).clip(0)
         window = slice(low[0], high[0]), slice(low[1], high[1])
+
+        # how far cells are from each box, in its own frame
         x = self._x[window[0]][None, :, None] - boxes[:, 0, None, None]
         y = self._y[window[1]][None, None, :] - boxes[:, 1, None, None]
         cosine, sine = boxes[:, 2, None, None], boxes[:, 3, None, None]
@@ -91,13 +97,15 @@ class FloorSpace:
         return window, blocked
 
     def _cut_off(self, free: NDArray[np.bool_]) -> int:
-        """Count free cells that the doors do not lead to; a door that is shut in counts as all of them."""
+        """Count free cells the doors do not lead to; a door that is shut in counts as all."""
         labels, count = ndimage.label(free)
         if count == 0:
             return free.size
         sizes = np.bincount(labels.ravel())[1:]
         if not self._doors:
             return int(sizes.sum() - sizes.max())
+
+        # the largest region at the first door has to reach all others
         main = set(np.unique(labels[self._doors[0]]).tolist()) - {0}
         if not main:
             return free.size

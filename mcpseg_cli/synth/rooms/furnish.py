@@ -9,6 +9,7 @@ import numpy as np
 from mcpseg_cli.synth.geometry.solids import Item
 from mcpseg_cli.synth.plan import Room, RoomKind
 from mcpseg_cli.synth.rooms import living_rooms, private_rooms, public_rooms, work_rooms
+from mcpseg_cli.synth.rooms.contents import homes, public, shared, work
 from mcpseg_cli.synth.rooms.placement import Placement
 from mcpseg_cli.synth.surfaces.styles import Style
 
@@ -32,6 +33,16 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
 }
 
 
+def check_contents() -> None:
+    """Read what rooms hold, so that a damaged table is named before any work starts.
+
+    Raises:
+        InputError: A table is damaged.
+    """
+    for read in (shared.shared, work.work_rooms, public.public_rooms, homes.homes):
+        read()
+
+
 def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
     """Furnish a room.
 
@@ -46,8 +57,7 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
 
     Returns:
         The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of
-        class window,
-        rugs of class floor: ``lay_rugs`` joins them with the room's.
+        class window, rugs of class floor: ``lay_rugs`` joins them with the room's.
     """
     placement = Placement(room, style, rng)
     if room.kind == "hallway" and not style.is_public:

@@ -5,199 +5,182 @@ from __future__ import annotations
 import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import stand
+from mcpseg_cli.synth.rooms.contents.homes import homes
+from mcpseg_cli.synth.rooms.desks import pick_desk, work_place
 from mcpseg_cli.synth.rooms.dressing import (
+    BASIN,
+    OVER_BASINS,
+    OVER_COUNTERS,
     bookcases,
     dress_top,
     floor_clutter,
+    lay_rug,
+    make_thing,
     put_at,
     wall_clutter,
     windows,
 )
-from mcpseg_cli.synth.rooms.living_rooms import ON_FURNITURE, dress_home, lay_rug
-from mcpseg_cli.synth.rooms.placement import Placed, Placement
-from mcpseg_cli.synth.rooms.public_rooms import eating_place, keep_passage
-from mcpseg_cli.synth.rooms.work_rooms import pick_chair, pick_desk, work_place
+from mcpseg_cli.synth.rooms.living_rooms import dress_home
+from mcpseg_cli.synth.rooms.placed import Placed
+from mcpseg_cli.synth.rooms.placement import Placement
+from mcpseg_cli.synth.rooms.seating import eating_place, pick_chair
 from mcpseg_cli.synth.things.bookcases import make_bookcase
 from mcpseg_cli.synth.things.chairs import make_chair
-from mcpseg_cli.synth.things.clutter import make_clutter
 from mcpseg_cli.synth.things.home_sofas import make_home_sofa
 from mcpseg_cli.synth.things.kitchen_and_washroom import counter_parts
 from mcpseg_cli.synth.things.tables import make_table
 
-_PASSAGE = 1.0  # metres of a corridor that stay free
-_ON_COUNTERS = (
-    "coffee machine",
-    "microwave",
-    "mug",
-    "bottle",
-    "bowl",
-    "vase",
-    "small carton",
-    "bowl",
-    "bottle",
-)
-
 
 def furnish_bedroom(placement: Placement) -> None:
     """A bed between small tables with lamps, wardrobes, a chest, a chair, a rug, clothes."""
-    rng, area = placement.rng, float(placement.size.prod())
+    holds, style, rng = homes().bedroom, placement.style, placement.rng
+    area, on_furniture = placement.area, homes().home.on_furniture
     windows(placement)
-    bed = None
-    for _ in range(3):
-        if bed is None:
-            item = make_clutter("bed", placement.style, rng)
-            bed = placement.against_wall(item, gap=0.05, tries=12, over_windows=True)
+    bed = _bed(placement)
     if bed is not None:
-        for _ in range(2):
-            _bedside(placement, bed)
-        if placement.chance(0.6):
-            x, y = bed.at(rng.normal(0, 0.3), float(bed.size[1]) * rng.uniform(0.6, 1.0))
-            lay_rug(
-                placement,
-                (x, y, bed.yaw),
-                (float(bed.size[0]) + rng.uniform(0.6, 1.2), rng.uniform(1.2, 1.8)),
-            )
-    bookcases(
-        placement,
-        int(rng.integers(1, 4)),
-        ("cupboard",),
-        ("small carton", "carton", "small carton"),
-    )
-    bookcases(placement, placement.times(0.8), ("low", "tv board", "open"), ON_FURNITURE)
-    if placement.chance(0.3):
-        work_place(
-            placement, pick_desk(placement), pick_chair(placement, ("four-leg", "task")), wall=True
-        )
-    if placement.chance(0.4):
-        placement.against_wall(make_chair("armchair", placement.style, rng), gap=0.15, turn=0.4)
-    if placement.chance(0.35):
-        placement.against_wall(make_home_sofa(2, placement.style, rng).item, gap=0.08)
-    floor_clutter(
-        placement,
-        1.5 * placement.mess(),
-        ("clothes", "laundry basket", "clothes", "suitcase", "fan"),
-    )
-    dress_home(placement, area)
+        _beside_bed(placement, bed)
+
+    # wardrobes, a chest, a desk
+    bookcases(placement, placement.count(holds.wardrobes), ("cupboard",), holds.on_wardrobes)
+    count = placement.times(holds.bookcases, area)
+    bookcases(placement, count, holds.bookcases.of, on_furniture)
+    if placement.chance(holds.desk):
+        desk = pick_desk(placement)
+        work_place(placement, desk, pick_chair(placement, holds.desk_chairs), wall=True)
+
+    # seats
+    if placement.chance(holds.armchair):
+        placement.against_wall(make_chair("armchair", style, rng), gap=0.15, turn=0.4)
+    if placement.chance(holds.sofa):
+        placement.against_wall(make_home_sofa(2, style, rng).item, gap=0.08)
+    floor_clutter(placement, holds.on_floor, area)
+    dress_home(placement)
 
 
-def _bedside(placement: Placement, bed: Placed) -> None:
-    """Place a small table beside a bed."""
-    table = placement.against_wall(
-        make_table("side", placement.style, placement.rng), near=bed, tries=0
-    )
-    if table is not None:
-        if placement.chance(0.7):
-            put_at(placement, table, "table lamp", 0.0, float(table.size[1]) / 2)
-        dress_top(placement, table, ("books", "mug", "bottle", "paper"), 1.2)
+def _bed(placement: Placement) -> Placed | None:
+    """Place a bed; another one if the first does not fit."""
+    for _ in range(3):
+        item = make_thing(placement, "bed")
+        bed = placement.against_wall(item, gap=0.05, tries=12, over_windows=True)
+        if bed is not None:
+            return bed
+    return None
+
+
+def _beside_bed(placement: Placement, bed: Placed) -> None:
+    """Place small tables at both sides of a bed and a rug before it."""
+    holds, rng = homes().bedroom, placement.rng
+    for _ in range(2):
+        item = make_table("side", placement.style, rng)
+        table = placement.against_wall(item, near=bed, tries=0)
+        if table is not None:
+            if placement.chance(holds.bedside_lamp):
+                put_at(placement, table, "table lamp", 0.0, float(table.size[1]) / 2)
+            dress_top(placement, table, placement.several(holds.on_bedside))
+
+    if placement.chance(holds.rug):
+        spot = bed.at(rng.normal(0, 0.3), float(bed.size[1]) * rng.uniform(0.6, 1.0))
+        width = float(bed.size[0]) + rng.uniform(*holds.rug_margin)
+        lay_rug(placement, spot, bed.yaw, (width, rng.uniform(*holds.rug_depth)))
 
 
 def furnish_kitchen(placement: Placement) -> None:
-    """Counters with cupboards over them, a fridge, at times a washing machine, a small table with chairs or stools."""
-    rng, style = placement.rng, placement.style
+    """Counters with cupboards over them, a fridge, at times a washing machine, a small table."""
+    holds, area = homes().kitchen, placement.area
     windows(placement)
+    near = _counters(placement)
+    placement.against_wall(make_thing(placement, "fridge"), near=near)
+    if placement.chance(holds.washing_machine):
+        placement.against_wall(make_thing(placement, "washing machine"), near=near)
+    if placement.chance(holds.eating_place):
+        eating_place(placement)
+
+    count = placement.times(holds.bookcases, area)
+    bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
+    wall_clutter(placement, holds.on_walls, area)
+    floor_clutter(placement, holds.on_floor, area)
+
+
+def _counters(placement: Placement) -> Placed | None:
+    """Place counters side by side, with things on them and cupboards over them; return the last."""
+    holds, style, rng = homes().kitchen, placement.style, placement.rng
     near = None
-    for width in (rng.uniform(1.6, 2.8), rng.uniform(0.9, 1.6)):
-        item = stand(
-            "clutter", counter_parts(min(width, float(placement.size.max()) - 0.9), style, rng)
-        )
+    for width in [rng.uniform(*ends) for ends in holds.counters]:
+        parts = counter_parts(min(width, placement.length - 0.9), style, rng)
+        item = stand("clutter", parts)
         near = placement.against_wall(item, gap=0.005, turn=0.0, tries=16, near=near) or near
         if near is not None:
-            dress_top(placement, near, _ON_COUNTERS, 3.0 + 3.0 * placement.mess())
-            placement.try_poses(
-                make_clutter("wall cupboard", style, rng), [(near.x, near.y, 1.45, near.yaw)]
-            )
-    placement.against_wall(make_clutter("fridge", style, rng), near=near)
-    if placement.chance(0.4):
-        placement.against_wall(make_clutter("washing machine", style, rng), near=near)
-    if placement.chance(0.75):
-        eating_place(placement)
-    bookcases(placement, placement.times(0.5), ("low", "open", "glass"), ON_FURNITURE)
-    wall_clutter(placement, 2.0, ("picture", "clock", "picture"))
-    floor_clutter(
-        placement,
-        1.5 + placement.mess(),
-        ("bin", "bin", "carton", "bag", "plant", "laundry basket"),
-    )
+            dress_top(placement, near, placement.several(holds.on_counters))
+            over = (near.x, near.y, OVER_COUNTERS, near.yaw)
+            placement.put(make_thing(placement, "wall cupboard"), over)
+    return near
 
 
 def furnish_study(placement: Placement) -> None:
     """A desk, bookcases, often a sofa to sleep on."""
-    rng, area = placement.rng, float(placement.size.prod())
+    holds, rng = homes().study, placement.rng
     windows(placement)
-    work_place(
-        placement,
-        pick_desk(placement),
-        pick_chair(placement, ("task", "task", "executive", "four-leg")),
-        wall=True,
-    )
-    if placement.chance(0.75):
-        sofa = make_home_sofa(int(rng.integers(2, 4)), placement.style, rng)
+    desk = pick_desk(placement)
+    work_place(placement, desk, pick_chair(placement, holds.chairs), wall=True)
+    if placement.chance(holds.sofa):
+        sofa = make_home_sofa(placement.count(holds.seats), placement.style, rng)
         placement.against_wall(sofa.item, gap=0.08, tries=16)
-    bookcases(placement, 1 + placement.times(1.2), ("open", "open", "low", "glass"), ON_FURNITURE)
-    if placement.chance(0.4):
-        middle = (placement.room.low + placement.room.high) / 2
-        lay_rug(
-            placement,
-            (float(middle[0]), float(middle[1]), 0.0),
-            (rng.uniform(1.2, 2.0), rng.uniform(1.0, 1.6)),
-        )
-    dress_home(placement, area)
+
+    count = 1 + placement.times(holds.bookcases, placement.area)
+    bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
+    if placement.chance(holds.rug):
+        x, y = placement.middle.tolist()
+        size = (rng.uniform(*holds.rug_width), rng.uniform(*holds.rug_depth))
+        lay_rug(placement, (x, y), 0.0, size)
+    dress_home(placement)
 
 
 def furnish_bathroom(placement: Placement) -> None:
     """A tub, a toilet, a basin with a mirror, often a washing machine, laundry, a mat."""
-    rng, style = placement.rng, placement.style
-    tub = placement.against_wall(
-        make_clutter("bath tub", style, rng), gap=0.005, turn=0.0, tries=20
-    )
-    placement.against_wall(make_clutter("toilet", style, rng), gap=0.005, turn=0.0, tries=16)
-    basin = placement.against_wall(
-        make_clutter("basin", style, rng), z=0.66, gap=0.003, turn=0.0, tries=16
-    )
-    if basin is not None:
-        placement.try_poses(
-            make_clutter("mirror", style, rng), [(basin.x, basin.y, 1.15, basin.yaw)]
-        )
-    if placement.chance(0.5):
-        placement.against_wall(make_clutter("washing machine", style, rng))
-    if placement.chance(0.4):
+    holds, style, rng = homes().bathroom, placement.style, placement.rng
+    tub = make_thing(placement, "bath tub")
+    tub_placed = placement.against_wall(tub, gap=0.005, turn=0.0, tries=20)
+    toilet = make_thing(placement, "toilet")
+    placement.against_wall(toilet, gap=0.005, turn=0.0, tries=16)
+    basin = make_thing(placement, "basin")
+    placed = placement.against_wall(basin, z=BASIN, gap=0.003, turn=0.0, tries=16)
+    if placed is not None:
+        mirror = make_thing(placement, "mirror")
+        placement.put(mirror, (placed.x, placed.y, OVER_BASINS, placed.yaw))
+
+    # what there is space for
+    if placement.chance(holds.washing_machine):
+        placement.against_wall(make_thing(placement, "washing machine"))
+    if placement.chance(holds.shelf):
         placement.against_wall(make_bookcase("low", style, rng))
-    if tub is not None and placement.chance(0.7):
-        x, y = tub.at(0.0, float(tub.size[1]) + 0.35)
-        lay_rug(placement, (x, y, tub.yaw), (rng.uniform(0.7, 1.0), rng.uniform(0.45, 0.6)))
-    wall_clutter(placement, 1.5, ("towel box", "picture", "coat hooks"))
-    floor_clutter(placement, 2.0, ("laundry basket", "bin", "clothes", "plant"))
+    if tub_placed is not None and placement.chance(holds.mat):
+        spot = tub_placed.at(0.0, float(tub_placed.size[1]) + 0.35)
+        size = (rng.uniform(*holds.mat_width), rng.uniform(*holds.mat_depth))
+        lay_rug(placement, spot, tub_placed.yaw, size)
+    wall_clutter(placement, holds.on_walls, placement.area)
+    floor_clutter(placement, holds.on_floor, placement.area)
 
 
 def furnish_corridor(placement: Placement) -> None:
-    """Coats, shoes, mirrors and pictures along one wall, a runner; a way of 1 m through the whole length stays free."""
-    rng, length = placement.rng, float(placement.size.max())
-    keep_passage(placement, _PASSAGE)
-    for _ in range(placement.times(0.15 * length)):
-        placement.against_wall(
-            make_bookcase(str(rng.choice(["low", "tv board", "open"])), placement.style, rng)
+    """Coats, shoes, mirrors and pictures along one wall, a runner; a way through stays free."""
+    holds, style, rng = homes().corridor, placement.style, placement.rng
+    length = placement.length
+    placement.keep_passage(holds.passage)
+
+    for _ in range(placement.times(holds.bookcases, length)):
+        kind = placement.one_of(holds.bookcases.of)
+        placement.against_wall(make_bookcase(kind, style, rng))
+    for _ in range(placement.times(holds.benches, length)):
+        placement.against_wall(make_chair("bench", style, rng))
+    wall_clutter(placement, holds.on_walls, length)
+    floor_clutter(placement, holds.on_floor, length)
+
+    # a runner in its middle
+    if placement.chance(holds.runner):
+        x, y = placement.middle.tolist()
+        yaw = 0.0 if placement.size[0] > placement.size[1] else np.pi / 2
+        size = (
+            min(length * 0.6, rng.uniform(*holds.runner_length)),
+            rng.uniform(*holds.runner_width),
         )
-    for _ in range(placement.times(0.08 * length)):
-        placement.against_wall(make_chair("bench", placement.style, rng))
-    wall_clutter(
-        placement,
-        0.9 * length,
-        ("picture", "picture", "picture", "mirror", "coat hooks", "coat hooks", "clock"),
-    )
-    kinds = (
-        "umbrella stand",
-        "plant",
-        "bag",
-        "backpack",
-        "coat stand",
-        "carton",
-        "suitcase",
-        "bicycle",
-        "toys",
-    )
-    floor_clutter(placement, length * (0.15 + 0.2 * placement.mess()), kinds)
-    if placement.chance(0.6):
-        middle = (placement.room.low + placement.room.high) / 2
-        turn = 0.0 if placement.size[0] > placement.size[1] else np.pi / 2
-        size = (min(length * 0.6, rng.uniform(1.8, 3.5)), rng.uniform(0.6, 0.8))
-        lay_rug(placement, (float(middle[0]), float(middle[1]), turn), size)
+        lay_rug(placement, (x, y), yaw, size)

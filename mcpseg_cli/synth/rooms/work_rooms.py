@@ -1,4 +1,4 @@
-"""Rooms people work in: offices, open plan, meeting rooms, copy rooms, storage."""
+"""Rooms people work in: offices, open-plan ones, meeting rooms, copy rooms, storage."""
 
 from __future__ import annotations
 
@@ -6,191 +6,126 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import Points, stand
 from mcpseg_cli.synth.geometry.solids import Item
+from mcpseg_cli.synth.rooms.contents.shared import shared
+from mcpseg_cli.synth.rooms.contents.work import OpenPlan, work_rooms
+from mcpseg_cli.synth.rooms.desks import dress_desk, pick_desk, work_place
 from mcpseg_cli.synth.rooms.dressing import (
     board,
     bookcases,
-    dress_desk,
     dress_top,
     floor_clutter,
+    make_thing,
     put_at,
-    seat_at,
-    seats_around,
     wall_clutter,
     wall_shelves,
     windows,
 )
-from mcpseg_cli.synth.rooms.placement import Placed, Placement, about_centre
+from mcpseg_cli.synth.rooms.placed import Placed, about_centre
+from mcpseg_cli.synth.rooms.placement import Placement
+from mcpseg_cli.synth.rooms.seating import meeting_corner, pick_chair, seat_at, seats_around
 from mcpseg_cli.synth.things.boards import make_board
 from mcpseg_cli.synth.things.chairs import make_chair
-from mcpseg_cli.synth.things.clutter import make_clutter
 from mcpseg_cli.synth.things.office_equipment import partition_parts
 from mcpseg_cli.synth.things.sofas import make_sofa
 from mcpseg_cli.synth.things.tables import make_table, meeting_parts
 
-_SWIVEL = ("task", "executive")
-_VISITOR = ("four-leg", "four-leg", "cantilever", "folding", "armchair")
-_CABINETS_AND_SUCH = (
-    "filing cabinet",
-    "filing cabinet",
-    "filing cabinet",
-    "lockers",
-    "plant",
-    "plant",
-    "coat stand",
-    "floor lamp",
-    "fan",
-    "copier",
-    "bicycle",
-    "partition",
-    "partition",
-    "fridge",
-    "water cooler",
-    "tv stand",
-    "leaning board",
-    "carton pile",
-    "trolley",
-)
-_SHELVES = ("open", "open", "open", "cupboard", "glass", "low", "low", "rack")
-
-
-def pick_chair(placement: Placement, designs: tuple[str, ...]) -> Item:
-    """Make a chair of one of the designs, those in use in the building preferred."""
-    usual = tuple(design for design in designs if design in placement.style.chairs)
-    choice = usual if usual and placement.chance(0.85) else designs
-    return make_chair(
-        choice[int(placement.rng.integers(len(choice)))], placement.style, placement.rng
-    )
-
-
-def pick_desk(placement: Placement) -> Item:
-    """Make a desk of a design in use in the building."""
-    usual = [
-        design
-        for design in ("desk", "desk", "desk", "corner", "standing", "trestle")
-        if design in placement.style.tables
-    ]
-    return make_table(
-        str(placement.rng.choice(np.array(usual or ["desk"]))), placement.style, placement.rng
-    )
-
-
-def work_place(
-    placement: Placement, desk: Item, chair: Item, *, wall: bool, visitor: Item | None = None
-) -> Placed | None:
-    """Place a desk at a wall or somewhere in the room, its chair before it, a visitor's behind, and what lies on it."""
-    placed = placement.against_wall(desk, gap=0.2, tries=20) if wall else None
-    if placed is None:
-        square = float(placement.rng.integers(4)) * np.pi / 2
-        placed = placement.freely(desk, yaw=square, margin=0.6, tries=14)
-    if placed is None:
-        return None
-    seat_at(
-        placement,
-        placed,
-        chair,
-        placement.rng.normal(0, 0.12) * placed.size[0],
-        pull=float(abs(placement.rng.normal(0, 0.2))),
-    )
-    if visitor is not None:
-        seat_at(placement, placed, visitor, placement.rng.normal(0, 0.2), side=-1.0, pull=0.15)
-    dress_desk(placement, placed)
-    return placed
-
 
 def furnish_office(placement: Placement) -> None:
-    """Desks at walls and windows, bookcases, a board, chairs for visitors, at times a meeting table or a sofa."""
-    rng, area = placement.rng, float(placement.size.prod())
+    """Desks at walls and windows, bookcases, a board, visitors, at times a meeting table."""
+    holds, rng, area = work_rooms().office, placement.rng, placement.area
     windows(placement)
-    desks = int(np.clip(round(area / rng.uniform(5, 8)), 1, 8))
-    chair, desk = (
-        pick_chair(placement, _SWIVEL if placement.chance(0.85) else ("four-leg", "cantilever")),
-        pick_desk(placement),
-    )
-    visitor = pick_chair(placement, _VISITOR)
-    first = int(rng.integers(1, 4)) if area < 14 else int(rng.integers(2, 6))
-    bookcases(placement, first, _SHELVES)
-    if area > 12 and placement.chance(0.9):
+
+    # what most of its furniture looks like
+    desks = int(np.clip(round(area / rng.uniform(*holds.area_per_desk)), 1, holds.most_desks))
+    swivels = placement.chance(holds.swivel)
+    chair = pick_chair(placement, holds.swivel_chairs if swivels else holds.plain_chairs)
+    desk = pick_desk(placement)
+    visitor = pick_chair(placement, holds.visitors)
+
+    # bookcases come first: they need walls
+    is_small = area < holds.small
+    first = holds.first_bookcases_if_small if is_small else holds.first_bookcases
+    bookcases(placement, placement.count(first), holds.bookcases.of)
+    if placement.has(holds.meeting_corner):
         meeting_corner(placement, visitor)
+
+    # desks, mostly alike
     for _ in range(desks):
-        if placement.chance(0.3):
-            chair = pick_chair(placement, _SWIVEL)
-        if placement.chance(0.3):
+        if placement.chance(holds.another_chair):
+            chair = pick_chair(placement, holds.swivel_chairs)
+        if placement.chance(holds.another_desk):
             desk = pick_desk(placement)
-        work_place(placement, desk, chair, wall=placement.chance(0.65), visitor=visitor)
-    for _ in range(int(rng.integers(1, 3))):
+        at_wall = placement.chance(holds.desk_at_wall)
+        work_place(placement, desk, chair, wall=at_wall, visitor=visitor)
+
+    # what there is space for
+    for _ in range(placement.count(holds.visitors_at_walls)):
         placement.against_wall(visitor, turn=0.3, gap=0.1, tries=12)
-    if placement.chance(0.85):
-        board(placement)
-    if area > 20 and placement.chance(0.6):
+    if placement.has(holds.board):
+        board(placement, holds.board.of)
+    if placement.has(holds.second_meeting_corner):
         meeting_corner(placement, visitor)
-    if area > 15 and placement.chance(0.12):
-        placement.against_wall(make_sofa(int(rng.integers(1, 4)), placement.style, rng), gap=0.06)
-    bookcases(placement, placement.times(1.0 + area / 13), _SHELVES)
+    if placement.has(holds.sofa):
+        sofa = make_sofa(placement.count(holds.sofa_seats), placement.style, rng)
+        placement.against_wall(sofa, gap=0.06)
+    bookcases(placement, placement.times(holds.bookcases, area), holds.bookcases.of)
     office_clutter(placement, area)
-
-
-def meeting_corner(placement: Placement, chair: Item) -> None:
-    """Place a round or small table with two to four chairs, in large rooms also an oblong one with up to six."""
-    rng = placement.rng
-    is_long = float(placement.size.prod()) > 17 and placement.chance(0.6)
-    if is_long:
-        table = stand(
-            "table",
-            meeting_parts(
-                rng.uniform(1.3, 2.0), rng.uniform(0.75, 0.95), 0.74, placement.style, rng
-            ),
-        )
-    else:
-        table = make_table(
-            str(rng.choice(["round", "round", "round", "pedestal"])), placement.style, rng
-        )
-    placed = placement.freely(table, margin=0.75, tries=20, yaw=float(rng.integers(4)) * np.pi / 2)
-    if placed is not None:
-        seats_around(placement, placed, chair, 0.65, round_=not is_long)
-        dress_top(placement, placed, ("books", "paper", "mug", "laptop", "bottle"), 2.0)
 
 
 def office_clutter(placement: Placement, area: float) -> None:
     """Place what stands, lies and hangs about in an office, more in untidy buildings."""
-    mess = placement.mess()
-    for kind in placement.rng.choice(_CABINETS_AND_SUCH, placement.times((0.12 + 0.2 * mess) * area)):  # fmt: skip
-        item = make_clutter(str(kind), placement.style, placement.rng)
-        placed = placement.against_wall(item, gap=0.05, turn=0.03)
+    holds = work_rooms().office_clutter
+    for kind in placement.several(holds.along_walls, area):
+        placed = placement.against_wall(make_thing(placement, kind), gap=0.05, turn=0.03)
         if placed is not None and placed.size[2] < 1.5 and kind == "filing cabinet":
-            dress_top(placement, placed, mean=1.5)
-    wall_shelves(placement, 0.3 + 0.02 * area)
-    wall_clutter(placement, 2.5 + 0.2 * area)
-    floor_clutter(placement, 1.5 + mess * area / 2.5)
+            on_top = shared().bookcases.on_top
+            dress_top(placement, placed, placement.some_of(on_top, holds.on_filing_cabinets))
+
+    wall_shelves(placement, holds.wall_shelves, area)
+    wall_clutter(placement, holds.on_walls, area)
+    floor_clutter(placement, holds.on_floor, area)
 
 
 def furnish_open_plan(placement: Placement) -> None:
     """Blocks of desks back to back with screens between them, cupboards along the walls."""
-    rng, area = placement.rng, float(placement.size.prod())
+    holds, area = work_rooms().open_plan, placement.area
     windows(placement)
-    bookcases(placement, int(area / 18), ("low", "low", "open", "cupboard"))
-    along = 0 if placement.size[0] >= placement.size[1] else 1
-    desk = make_table(str(rng.choice(["desk", "desk", "standing"])), placement.style, rng)
-    chair = pick_chair(placement, _SWIVEL)
-    screen = stand(
-        "clutter",
-        partition_parts(desk.bounds()[1, 0] * 2, rng.uniform(1.15, 1.5), placement.style, rng),
-    )
+    bookcases(placement, int(area / holds.area_per_bookcase), holds.bookcases)
+
+    _desk_blocks(placement, holds)
+
+    if placement.has(holds.board):
+        board(placement, holds.board.of)
+    guest = pick_chair(placement, work_rooms().office.visitors)
+    for _ in range(1 + placement.times(holds.meeting_corners, area)):
+        meeting_corner(placement, guest)
+    for _ in range(placement.count(holds.guests_at_walls)):
+        placement.against_wall(guest, turn=0.3, gap=0.1)
+    office_clutter(placement, area * holds.clutter)
+
+
+def _desk_blocks(placement: Placement, holds: OpenPlan) -> None:
+    """Fill an open-plan office with blocks of four desks, aisles between them."""
+    style, rng, size = placement.style, placement.rng, placement.size
+    along = 0 if size[0] >= size[1] else 1
+
+    # all blocks are alike
+    desk = make_table(placement.one_of(holds.desks), style, rng)
+    chair = pick_chair(placement, work_rooms().office.swivel_chairs)
+    width = desk.bounds()[1, 0] * 2
+    screen = stand("clutter", partition_parts(width, rng.uniform(*holds.screen_height), style, rng))
+
+    # where they stand, from the room's corner
     wide, deep = float(np.ptp(desk.bounds()[:, 0])) + 0.03, float(desk.bounds()[1, 1])
-    step_along, step_across = 2 * wide + rng.uniform(1.0, 1.5), 2 * deep + rng.uniform(1.7, 2.3)
-    starts = _spread(0.8 + wide, float(placement.size[along]) - wide - 0.8, step_along)
-    rows = _spread(1.0 + deep, float(placement.size[1 - along]) - deep - 1.0, step_across)
+    step_along = 2 * wide + rng.uniform(*holds.aisle_along)
+    step_across = 2 * deep + rng.uniform(*holds.aisle_across)
+    starts = _spread(0.8 + wide, float(size[along]) - wide - 0.8, step_along)
+    rows = _spread(1.0 + deep, float(size[1 - along]) - deep - 1.0, step_across)
     for start in starts:
         for row in rows:
-            if placement.chance(0.9):
-                _desk_block(placement, (float(start), float(row)), along, (desk, chair, screen))
-    if placement.chance(0.7):
-        board(placement, ("whiteboard", "whiteboard", "mobile", "flip chart", "pin board"))
-    guest = pick_chair(placement, _VISITOR)
-    for _ in range(1 + placement.times(area / 22)):
-        meeting_corner(placement, guest)
-    for _ in range(int(rng.integers(1, 3))):
-        placement.against_wall(guest, turn=0.3, gap=0.1)
-    office_clutter(placement, area * 0.6)
+            if placement.chance(holds.block):
+                spot = np.array([start, row] if along == 0 else [row, start])
+                _desk_block(placement, spot, along, (desk, chair, screen), holds)
 
 
 def _spread(first: float, last: float, step: float) -> Points:
@@ -201,175 +136,133 @@ def _spread(first: float, last: float, step: float) -> Points:
 
 
 def _desk_block(
-    placement: Placement, spot: tuple[float, float], along: int, pieces: tuple[Item, Item, Item]
+    placement: Placement,
+    spot: Points,
+    along: int,
+    pieces: tuple[Item, Item, Item],
+    holds: OpenPlan,
 ) -> None:
     """Place four desks, two by two, back to back about a spot given from the room's corner."""
-    desk, chair, screen = pieces
+    (desk, chair, screen), rng = pieces, placement.rng
     turn = 0.0 if along == 0 else np.pi / 2
-    middle = placement.room.low + (np.array(spot) if along == 0 else np.array(spot)[::-1])
     cosine, sine = np.cos(turn), np.sin(turn)
-    wide = float(np.ptp(desk.bounds()[:, 0])) + placement.rng.uniform(0.005, 0.03)
-    if placement.chance(0.75):
-        placement.put(screen, about_centre(screen, float(middle[0]), float(middle[1]), turn))
-    gap = placement.rng.uniform(0.15, 0.19)
+    x0, y0 = (placement.room.low + spot).tolist()
+
+    # a screen where the desks meet
+    wide = float(np.ptp(desk.bounds()[:, 0])) + rng.uniform(0.005, 0.03)
+    if placement.chance(holds.screen):
+        placement.put(screen, about_centre(screen, x0, y0, turn))
+    gap = rng.uniform(0.15, 0.19)
+
+    # two desks on either side of it
     for side in (1, -1):
         for number in (-0.5, 0.5):
             x, y = number * wide, side * gap
-            pose = (
-                float(middle[0] + cosine * x - sine * y),
-                float(middle[1] + sine * x + cosine * y),
-                0.0,
-                turn + (0.0 if side > 0 else np.pi),
-            )
-            placed = placement.put(desk, pose)
+            spot_x, spot_y = x0 + cosine * x - sine * y, y0 + sine * x + cosine * y
+            yaw = turn + (0.0 if side > 0 else np.pi)
+            placed = placement.put(desk, (float(spot_x), float(spot_y), 0.0, yaw))
             if placed is None:
                 continue
-            seat_at(
-                placement,
-                placed,
-                chair,
-                placement.rng.normal(0, 0.1),
-                pull=float(abs(placement.rng.normal(0, 0.2))),
-            )
-            dress_desk(placement, placed, computer=0.9)
+            off = rng.normal(0, 0.1)
+            seat_at(placement, placed, chair, off, pull=float(abs(rng.normal(0, 0.2))))
+            dress_desk(placement, placed, computer=holds.computer)
 
 
 def furnish_meeting_room(placement: Placement) -> None:
     """A long table with chairs all round, a board or screen, a television, a side board."""
-    rng, size = placement.rng, placement.size
+    holds, style, rng = work_rooms().meeting_room, placement.style, placement.rng
     windows(placement)
-    along = int(np.argmax(size))
-    length = float(np.clip(size[along] - rng.uniform(2.2, 2.9), 1.4, 6.5))
-    depth = float(np.clip(size[1 - along] - rng.uniform(2.5, 3.1), 0.8, 1.6))
-    table = stand(
-        "table", meeting_parts(length, depth, rng.uniform(0.71, 0.76), placement.style, rng)
-    )
-    middle = (placement.room.low + placement.room.high) / 2
-    turn = 0.0 if along == 0 else np.pi / 2
-    poses = []
-    for play in (0.05, 0.15, 0.3, 0.3):
-        x, y = (middle + rng.normal(0, play, 2)).tolist()
-        poses.append(about_centre(table, x, y, turn + rng.normal(0, 0.02)))
-    placed = placement.try_poses(table, poses)
-    if placement.chance(0.85):
-        board(placement, ("whiteboard", "whiteboard", "projection screen", "chalkboard"))
-    if placement.chance(0.5):
-        placement.hang(
-            make_clutter("wall tv", placement.style, rng), rng.uniform(0.9, 1.2), tries=12
-        )
-    chair = pick_chair(placement, ("task", "cantilever", "executive", "four-leg", "armchair"))
+    placed, length = _meeting_table(placement)
+
+    # what hangs on the walls
+    if placement.has(holds.board):
+        board(placement, holds.board.of)
+    if placement.chance(holds.television):
+        placement.hang(make_thing(placement, "wall tv"), rng.uniform(0.9, 1.2), tries=12)
+
+    # chairs and things at the table
+    chair = pick_chair(placement, holds.chairs)
     if placed is not None:
-        seats_around(placement, placed, chair, rng.uniform(0.58, 0.7))
-        dress_top(
-            placement,
-            placed,
-            ("laptop", "paper", "mug", "bottle", "telephone", "books", "projector"),
-            2 + 2.0 * length * placement.mess(),
-        )
-        _projector(placement, middle)
-    bookcases(placement, placement.times(1.7), ("low", "low", "cupboard", "open"))
-    if placement.chance(0.4):
-        placement.against_wall(
-            make_board(str(rng.choice(["flip chart", "mobile"])), placement.style, rng),
-            gap=0.3,
-            turn=0.4,
-        )
-    for _ in range(placement.times(5.0)):
+        seats_around(placement, placed, chair, rng.uniform(*holds.chair_pitch))
+        dress_top(placement, placed, placement.several(holds.on_table, length))
+        _projector(placement, holds.projector)
+
+    # what stands along the walls
+    bookcases(placement, placement.times(holds.bookcases), holds.bookcases.of)
+    if placement.has(holds.standing_board):
+        kind = placement.one_of(holds.standing_board.of)
+        placement.against_wall(make_board(kind, style, rng), gap=0.3, turn=0.4)
+    for _ in range(placement.times(holds.chairs_at_walls)):
         placement.against_wall(chair, turn=0.2, gap=0.1)
-    wall_clutter(
-        placement, 1.5 + 0.05 * float(size.prod()), ("picture", "picture", "clock", "cable run")
-    )
-    floor_clutter(
-        placement,
-        1.0 + 2 * placement.mess(),
-        (
-            "bin",
-            "plant",
-            "plant",
-            "coat stand",
-            "tv stand",
-            "carton",
-            "backpack",
-            "trolley",
-            "cables",
-        ),
-    )
+    wall_clutter(placement, holds.on_walls, placement.area)
+    floor_clutter(placement, holds.on_floor, placement.area)
 
 
-def _projector(placement: Placement, middle: Points) -> None:
-    """Hang a projector from the ceiling over the table."""
-    if placement.chance(0.45):
-        item = make_clutter("ceiling projector", placement.style, placement.rng)
+def _meeting_table(placement: Placement) -> tuple[Placed | None, float]:
+    """Place a table that fills the middle of a room; return it and its length."""
+    holds, style, rng = work_rooms().meeting_room, placement.style, placement.rng
+    size, along = placement.size, int(np.argmax(placement.size))
+    length = float(np.clip(size[along] - rng.uniform(*holds.space_at_ends), *holds.length))
+    depth = float(np.clip(size[1 - along] - rng.uniform(*holds.space_at_sides), *holds.depth))
+    parts = meeting_parts(length, depth, rng.uniform(*holds.height), style, rng)
+    table = stand("table", parts)
+
+    # near the middle, along the room
+    turn, poses = 0.0 if along == 0 else np.pi / 2, []
+    for play in (0.05, 0.15, 0.3, 0.3):
+        x, y = (placement.middle + rng.normal(0, play, 2)).tolist()
+        poses.append(about_centre(table, x, y, turn + rng.normal(0, 0.02)))
+    return placement.try_poses(table, poses), length
+
+
+def _projector(placement: Placement, share: float) -> None:
+    """Hang a projector from the ceiling over the table, in so many of the rooms."""
+    if placement.chance(share):
+        item = make_thing(placement, "ceiling projector")
         z = placement.room.ceiling - float(item.bounds()[1, 2])
-        x, y = (middle + placement.rng.normal(0, 0.5, 2)).tolist()
-        placement.put(item, (x, y, z, float(placement.rng.integers(4)) * np.pi / 2))
+        x, y = (placement.middle + placement.rng.normal(0, 0.5, 2)).tolist()
+        placement.put(item, (x, y, z, placement.square()))
 
 
 def furnish_copy_room(placement: Placement) -> None:
     """Copiers, shelves with paper, a table, boxes."""
+    holds, style, rng = work_rooms().copy_room, placement.style, placement.rng
     windows(placement)
-    for _ in range(int(placement.rng.integers(1, 4))):
-        placement.against_wall(make_clutter("copier", placement.style, placement.rng), gap=0.08)
-    table = placement.against_wall(make_table("desk", placement.style, placement.rng))
+    for _ in range(placement.count(holds.copiers)):
+        placement.against_wall(make_thing(placement, "copier"), gap=0.08)
+    table = placement.against_wall(make_table("desk", style, rng))
     if table is not None:
         put_at(placement, table, "printer", 0.2, 0.35)
-        dress_top(placement, table, ("paper", "trays", "books", "carton", "pen pot"), 5)
-    bookcases(placement, placement.times(2.0), ("open", "rack", "cupboard", "low"))
-    if placement.chance(0.4):
-        board(placement, ("pin board", "whiteboard"))
-    wall_clutter(placement, 2.0)
-    floor_clutter(
-        placement,
-        3 + 4 * placement.mess(),
-        ("carton", "carton pile", "bin", "trolley", "filing cabinet", "carton pile"),
-    )
+        dress_top(placement, table, placement.several(holds.on_table))
+
+    bookcases(placement, placement.times(holds.bookcases), holds.bookcases.of)
+    if placement.has(holds.board):
+        board(placement, holds.board.of)
+    wall_clutter(placement, holds.on_walls, placement.area)
+    floor_clutter(placement, holds.on_floor, placement.area)
 
 
 def furnish_storage(placement: Placement) -> None:
     """Racks along the walls, boxes, ladders, trolleys, stacked chairs, things put away."""
-    rng, area = placement.rng, float(placement.size.prod())
-    if placement.chance(0.5):
-        placed = placement.against_wall(
-            make_table(str(rng.choice(["desk", "trestle"])), placement.style, rng)
-        )
+    holds, style, rng = work_rooms().storage, placement.style, placement.rng
+    if placement.has(holds.table):
+        table = make_table(placement.one_of(holds.table.of), style, rng)
+        placed = placement.against_wall(table)
         if placed is not None:
-            dress_top(
-                placement,
-                placed,
-                ("carton", "books", "printer", "monitor", "trays", "paper", "bottle"),
-                5,
-            )
-    for _ in range(placement.times(1.2)):
-        stack(placement, make_chair("four-leg", placement.style, rng))
-    bookcases(placement, int(1 + area / 5), ("rack", "rack", "rack", "open", "cupboard"))
-    kinds = (
-        "carton pile",
-        "carton",
-        "carton pile",
-        "ladder",
-        "trolley",
-        "lockers",
-        "filing cabinet",
-        "leaning board",
-        "fan",
-        "suitcase",
-        "partition",
-        "bicycle",
-        "pc tower",
-        "copier",
-        "bin",
-    )
-    floor_clutter(placement, 3 + area * (0.3 + 0.5 * placement.mess()), kinds)
-    wall_shelves(placement, 0.6)
-    wall_clutter(placement, 1.0, ("cable run", "wall box", "wall box"))
+            dress_top(placement, placed, placement.several(holds.on_table))
+    for _ in range(placement.times(holds.chair_stacks)):
+        _stack(placement, make_chair("four-leg", style, rng))
+
+    count = int(1 + placement.area / holds.area_per_bookcase)
+    bookcases(placement, count, holds.bookcases)
+    floor_clutter(placement, holds.on_floor, placement.area)
+    wall_shelves(placement, holds.wall_shelves, placement.area)
+    wall_clutter(placement, holds.on_walls, placement.area)
 
 
-def stack(placement: Placement, chair: Item) -> None:
-    """Stack two to five chairs, each a little higher and further forward than the one below."""
-    items = [
-        chair.moved(y=0.035 * row, z=0.085 * row)
-        for row in range(int(placement.rng.integers(2, 6)))
-    ]
-    placement.against_wall(
-        [Item("chair", tuple(part for item in items for part in item.parts))], gap=0.1, turn=0.2
-    )
+def _stack(placement: Placement, chair: Item) -> None:
+    """Stack some chairs, each a little higher and further forward than the one below."""
+    count = placement.count(work_rooms().storage.chairs_in_stack)
+    items = [chair.moved(y=0.035 * row, z=0.085 * row) for row in range(count)]
+    parts = tuple(part for item in items for part in item.parts)
+    placement.against_wall([Item("chair", parts)], gap=0.1, turn=0.2)

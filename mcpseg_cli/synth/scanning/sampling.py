@@ -66,65 +66,75 @@ def mesh_of(items: list[Item]) -> Mesh:
     parts = tuple(part for item in items for part in item.parts)
     item = np.repeat(np.arange(len(items), dtype=np.int32), [len(entry.parts) for entry in items])
     triangles = np.concatenate([part.triangles for part in parts])
-    part = np.repeat(
-        np.arange(len(parts), dtype=np.int32), [len(entry.triangles) for entry in parts]
-    )
+    sizes = [len(entry.triangles) for entry in parts]
+    part = np.repeat(np.arange(len(parts), dtype=np.int32), sizes)
+
+    # normals as long as the area
     sides = triangles[:, 1:] - triangles[:, :1]
     areas = 0.5 * np.cross(sides[:, 0], sides[:, 1])
     size = np.linalg.norm(areas, axis=1)
     keep = size > 1e-9
+    normals = areas[keep] / size[keep, None]
+
+    # of a closed part the normals cancel each other out
     total = np.stack([np.bincount(part, areas[:, axis], len(parts)) for axis in range(3)], axis=1)
     is_closed = np.linalg.norm(total, axis=1) < 0.02 * np.bincount(part, size, len(parts))
     is_glass = np.array([entry.material.pattern == "glass" for entry in parts])
-    normals = areas[keep] / size[keep, None]
     return Mesh(triangles[keep], normals, part[keep], item, parts, is_closed, is_glass)
 
 
 def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples:
-    """Spread points evenly over the surfaces: one for each square of ``spacing``, three quarters of that on glass.
+    """Spread points evenly over the surfaces: one for each square of ``spacing``, fewer on glass.
 
     Each triangle has its own stretch of a low-discrepancy sequence over its parallelogram, of which
     half falls into the triangle, so that there are no clumps and holes.
     """
-    expected = (
-        area_of(mesh.triangles) / spacing**2 * np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
-    )
+    # how many each parallelogram gets, and which term of its sequence each of them is
+    share = np.where(mesh.is_glass[mesh.part], _ON_GLASS, 1.0)
+    expected = area_of(mesh.triangles) / spacing**2 * share
     counts = np.floor(2 * expected + rng.random(len(expected))).astype(np.int64)
     face = np.repeat(np.arange(len(counts)), counts)
     term = np.arange(len(face)) - (np.cumsum(counts) - counts)[face]
     start = rng.random((3, len(counts)))
+
     # shaken by up to a fifth of the spacing: rows of a lattice would show
     reach = np.linalg.norm(mesh.triangles[:, 1:] - mesh.triangles[:, :1], axis=2).T
     shake = np.minimum(0.2 * spacing / reach, 0.25)
-    first, second = (
-        (
-            start[k][face]
-            + term * _STEPS[k]
-            + shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)
-        )
-        % 1.0
-        for k in range(2)
-    )
+    places = []
+    for k in range(2):
+        off = shake[k][face] * (rng.random(len(face), np.float32) * 2 - 1)
+        places.append((start[k][face] + term * _STEPS[k] + off) % 1.0)
+    first, second = places
+
+    # those in the triangle
     kept = np.flatnonzero(first + second <= 1)
     face, first, second = face[kept], first[kept], second[kept]
-    rank = (start[2][face] + term[kept] * _STEPS[2]) % 1.0
+    rank = ((start[2][face] + term[kept] * _STEPS[2]) % 1.0).astype(np.float32)
     corners = mesh.triangles[:, 0].astype(np.float32)
     sides = (mesh.triangles[:, 1:] - mesh.triangles[:, :1]).astype(np.float32)
     along, up = first.astype(np.float32)[:, None], second.astype(np.float32)[:, None]
     xyz = corners[face] + along * sides[face, 0] + up * sides[face, 1]
-    return Samples(
-        xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank.astype(np.float32)
-    )
+    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank)
 
 
 def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Floats:
-    """Paint points with the materials of their parts: (N, 3) float32, 0-255, as under even white light."""
+    """Paint points with the materials of their parts, as under even white light.
+
+    Args:
+        mesh: The room.
+        samples: The points.
+        rng: Random numbers, for grain finer than the points.
+
+    Returns:
+        (N, 3) float32 colours, 0-255.
+    """
     materials = [part.material for part in mesh.parts]
-    base, accent = (
-        np.array([getattr(m, name) for m in materials], np.float32) for name in ("base", "accent")
-    )
-    scale = np.array([m.scale for m in materials], np.float32)
+    base = np.array([material.base for material in materials], np.float32)
+    accent = np.array([material.accent for material in materials], np.float32)
+    scale = np.array([material.scale for material in materials], np.float32)
     seed = np.array([(m.seed * 31 + k) & 0xFFFFFFFF for k, m in enumerate(materials)], np.uint32)
+
+    # in the frame of their part
     grain = np.array([np.argmax(part.high - part.low) for part in mesh.parts], np.int8)
     middle = np.array([(part.low + part.high) / 2 for part in mesh.parts], np.float32)
     origin = np.array([part.origin for part in mesh.parts], np.float32)
@@ -132,14 +142,16 @@ def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Flo
     cosine, sine = np.cos(yaw)[samples.part], np.sin(yaw)[samples.part]
     xyz = _turned_back(samples.xyz - origin[samples.part], cosine, sine)
     normals = _turned_back(samples.normals, cosine, sine)
+
+    # all points of one pattern at once
     pattern = np.array([PATTERNS.index(m.pattern) for m in materials], np.int8)[samples.part]
     colour = np.empty_like(xyz)
     for number, name in enumerate(PATTERNS):
         rows = np.flatnonzero(pattern == number)
         if len(rows):
-            p = samples.part[rows]
+            p, spots, faces = samples.part[rows], xyz[rows], normals[rows]
             surface = Surface(
-                xyz[rows], normals[rows], base[p], accent[p], scale[p], seed[p], grain[p], middle[p]
+                spots, faces, base[p], accent[p], scale[p], seed[p], grain[p], middle[p]
             )
             colour[rows] = paint_surface(name, surface, rng)
     return colour

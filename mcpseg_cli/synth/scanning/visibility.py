@@ -1,4 +1,4 @@
-"""What can be seen from where in a room: a voxel grid that knows how far each voxel is from the next surface."""
+"""What can be seen from where: a grid of voxels that know how far the next surface is."""
 
 from __future__ import annotations
 
@@ -98,20 +98,19 @@ def _rasterise(
 ) -> None:
     """Clear the voxels that triangles pass through, by points half a voxel apart."""
     for face in range(len(triangles)):
-        a = (triangles[face, 0] - low) / 0.05
-        u = (triangles[face, 1] - triangles[face, 0]) / 0.05
-        v = (triangles[face, 2] - triangles[face, 0]) / 0.05
+        a = (triangles[face, 0] - low) / VOXEL
+        u = (triangles[face, 1] - triangles[face, 0]) / VOXEL
+        v = (triangles[face, 2] - triangles[face, 0]) / VOXEL
+
+        # rows of points along both of its sides
         steps_u = int(np.ceil(np.sqrt((u * u).sum()) * 2)) + 1
         steps_v = int(np.ceil(np.sqrt((v * v).sum()) * 2)) + 1
         for i in range(steps_u + 1):
             for j in range(int(np.ceil(steps_v * (1 - i / steps_u))) + 1):
                 s = i / steps_u
                 t = min(j / steps_v, 1 - s)
-                x, y, z = (
-                    a[0] + s * u[0] + t * v[0],
-                    a[1] + s * u[1] + t * v[1],
-                    a[2] + s * u[2] + t * v[2],
-                )
+                x, y = a[0] + s * u[0] + t * v[0], a[1] + s * u[1] + t * v[1]
+                z = a[2] + s * u[2] + t * v[2]
                 is_free[int(x), int(y), int(z)] = 0
 
 
@@ -119,17 +118,23 @@ def _rasterise(
 def is_clear(
     x: float, y: float, z: float, to_x: float, to_y: float, to_z: float, distance: NDArray[np.uint8]
 ) -> bool:
-    """Return whether a ray, in voxels, reaches its target; surfaces within ``TOLERANCE`` of its start do not count."""
+    """Return whether a ray, in voxels, reaches its target.
+
+    Surfaces within ``TOLERANCE`` of its start do not count.
+    """
     dx, dy, dz = to_x - x, to_y - y, to_z - z
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     if length < 1e-6:
         return True
     dx, dy, dz = dx / length, dy / length, dz / length
+
+    # leaps as far as nothing can be in the way
     gone = 0.0
+    a, b, c = distance.shape
     while gone < length:
         i, j, k = int(x + gone * dx), int(y + gone * dy), int(z + gone * dz)
         step = 1.0
-        if 0 <= i < distance.shape[0] and 0 <= j < distance.shape[1] and 0 <= k < distance.shape[2]:
+        if 0 <= i < a and 0 <= j < b and 0 <= k < c:
             free = distance[i, j, k]
             if free == 0 and gone > TOLERANCE:
                 return False

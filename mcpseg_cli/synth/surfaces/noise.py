@@ -1,4 +1,4 @@
-"""Value noise: random numbers on a lattice, smoothly blended in between, the same for the same place and seed."""
+"""Value noise: random numbers on a lattice, blended in between; one place and seed, one value."""
 
 from __future__ import annotations
 

@@ -1,24 +1,38 @@
-"""Styles: what the furniture and surfaces of one building have in common, as S3DIS's six areas differ."""
+"""Styles: what furniture and surfaces of one building have in common, as S3DIS's areas differ."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from mcpseg_cli.synth.plan import CeilingKind, RoomKind
 from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
+from mcpseg_cli.synth.toml_tables import Metres, OneOrMore, Range, Record, Share, Weight
 
 LampKind = Literal["panel", "strip", "pendant", "downlight", "globe", "trough"]
 DoorKind = Literal["wood", "painted", "steel", "glazed", "panelled"]
 Glazing = Literal["single", "band", "full"]
+Shade = Literal["none", "slats", "roller", "curtain"]
 CorridorShape = Literal["straight", "L", "U", "T", "loop"]
+Kelvin = Annotated[float, Field(ge=1000, le=20000)]
+Light = Annotated[float, Field(ge=0, le=10)]
+"""Brightness, 1 as usual."""
 
 
-@dataclass(frozen=True)
-class Style:
-    """Colours and habits of one building.
+def _all_in_all(shares: dict[Shade, float]) -> dict[Shade, float]:
+    """Refuse shares that do not add up to 1."""
+    if abs(sum(shares.values()) - 1) > 1e-9:
+        raise ValueError("shares that add up to 1")
+    return shares
+
+
+class Style(Record):
+    """Colours and habits of one building: a file of ``synth/styles/``; every key has to be there.
+
+    Lists are drawn from with even chances: what is in one twice is drawn twice as often. Colours
+    are red, green and blue, 0-255.
 
     Attributes:
         name: What the style is called.
@@ -28,94 +42,101 @@ class Style:
         plastic: Colours of plastic shells and casings.
         fabric: Patterns that seats and sofas come in.
         table_tops: Patterns of table tops.
-        chairs: Chair designs in use, by name; the catalogue of chairs knows them.
-        tables: Table designs in use.
+        chairs: Chair designs in use, by name; ``things/chairs.py`` has them.
+        tables: Table designs in use; ``things/tables.py`` has them.
         tidiness: 0 for rooms full of clutter to 1 for bare ones.
         walls: Paint of walls.
         accents: Paint of feature walls, of painted doors and of steel.
         wall_patterns: Surfaces of walls; the first is the usual one.
-        floors: Floors of rooms.
+        feature_walls: Share of walls in an accent colour or pattern.
+        floors: Floors of rooms; the first is the usual one.
         hall_floors: Floors of corridors, WCs and storage rooms.
         ceilings: Kinds of ceiling.
-        lamps: Kinds of lamp.
-        glazing: Kinds of window to the street.
-        doors: Kinds of door leaf.
         height: Lowest and highest ceiling, metres.
+        depth: How deep rooms are, lowest and highest, metres.
+        hall_width: How wide corridors are, lowest and highest, metres.
+        corridors: Shapes of the corridor network.
+        required: Kinds of room that every building of eight rooms or more has.
+        doors: Kinds of door leaf.
+        glazing: Kinds of window to the street.
+        shades: How often windows have nothing before them, slats, a roller blind and curtains.
         glass_walls: Share of rooms with glass to the corridor.
         beams: Share of rooms with beams.
         columns: Share of rooms with columns.
         ducts: Share of rooms with open ducts and pipes where the ceiling is not suspended.
-        feature_walls: Share of walls in an accent colour or pattern.
+        is_public: Whether there are signs, extinguishers, vents and sprinklers.
+        lamps: Kinds of lamp.
+        lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights
+            hang closer.
+        lamps_off: Share of rooms whose ceiling lamps are off.
         kelvin: Colour temperature of lamps, lowest and highest.
         daylight: How much light comes through windows, lowest and highest; 1 is as much as from the
             lamps.
         exposure: Exposure of the camera, lowest and highest; 1 is right.
-        kinds: How often each kind of room occurs.
-        corridors: Shapes of the corridor network.
-        required: Kinds of room that every building of eight rooms or more has.
-        depth: How deep rooms are, lowest and highest, metres.
-        hall_width: How wide corridors are, lowest and highest, metres.
-        lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights
-            hang closer.
-        lamps_off: Share of rooms whose ceiling lamps are off.
-        shades: How often windows have nothing before them, slats, a roller blind and curtains.
         white_balance: How much of the colour of the light the camera takes out, lowest and highest;
             1 is all of it.
-        is_public: Whether there are signs, extinguishers, vents and sprinklers.
-        hall_seed: What the floor, walls and ceiling that all corridors share are drawn from.
+        kinds: How often each kind of room occurs.
+        hall_seed: What the floor, walls and ceiling that all corridors share are drawn from; drawn
+            with the building, in no file.
     """
 
     name: str
-    wood: tuple[Colour, ...]
-    upholstery: tuple[Colour, ...]
-    metal: tuple[Colour, ...]
-    plastic: tuple[Colour, ...]
-    fabric: tuple[Pattern, ...]
-    table_tops: tuple[Pattern, ...]
-    chairs: tuple[str, ...]
-    tables: tuple[str, ...]
-    tidiness: float
-    walls: tuple[Colour, ...] = ((214, 210, 198),)
-    accents: tuple[Colour, ...] = ((90, 110, 130),)
-    wall_patterns: tuple[Pattern, ...] = ("plaster",)
-    floors: tuple[Material, ...] = (Material("carpet", (110, 108, 105), (85, 84, 84), 0.5),)
-    hall_floors: tuple[Material, ...] = (Material("tiles", (170, 165, 155), (120, 115, 108), 0.4),)
-    ceilings: tuple[CeilingKind, ...] = ("acoustic",)
-    lamps: tuple[LampKind, ...] = ("panel",)
-    glazing: tuple[Glazing, ...] = ("single",)
-    doors: tuple[DoorKind, ...] = ("wood",)
-    height: tuple[float, float] = (2.6, 2.9)
-    glass_walls: float = 0.1
-    beams: float = 0.3
-    columns: float = 0.3
-    ducts: float = 0.5
-    feature_walls: float = 0.15
-    kelvin: tuple[float, float] = (3000.0, 5000.0)
-    daylight: tuple[float, float] = (0.1, 0.8)
-    exposure: tuple[float, float] = (0.7, 1.2)
-    kinds: tuple[tuple[RoomKind, float], ...] = (("office", 1.0),)
-    corridors: tuple[CorridorShape, ...] = ("straight", "L", "U", "T", "loop")
-    required: tuple[RoomKind, ...] = ("office", "conferenceRoom", "lounge", "storage", "openspace")
-    depth: tuple[float, float] = (4.2, 6.6)
-    hall_width: tuple[float, float] = (1.7, 2.7)
-    lamp_pitch: tuple[float, float] = (1.8, 3.2)
-    lamps_off: float = 0.1
-    shades: tuple[float, float, float, float] = (0.35, 0.3, 0.2, 0.15)
-    white_balance: tuple[float, float] = (0.4, 0.95)
-    is_public: bool = True
+    wood: OneOrMore[Colour]
+    upholstery: OneOrMore[Colour]
+    metal: OneOrMore[Colour]
+    plastic: OneOrMore[Colour]
+    fabric: OneOrMore[Pattern]
+    table_tops: OneOrMore[Pattern]
+    chairs: OneOrMore[str]
+    tables: OneOrMore[str]
+    tidiness: Share
+
+    walls: OneOrMore[Colour]
+    accents: OneOrMore[Colour]
+    wall_patterns: OneOrMore[Pattern]
+    feature_walls: Share
+    floors: OneOrMore[Material]
+    hall_floors: OneOrMore[Material]
+    ceilings: OneOrMore[CeilingKind]
+
+    height: Range[Metres]
+    depth: Range[Metres]
+    hall_width: Range[Metres]
+    corridors: OneOrMore[CorridorShape]
+    required: tuple[RoomKind, ...]
+    doors: OneOrMore[DoorKind]
+    glazing: OneOrMore[Glazing]
+    shades: Annotated[dict[Shade, Share], AfterValidator(_all_in_all)]
+    glass_walls: Share
+    beams: Share
+    columns: Share
+    ducts: Share
+    is_public: bool
+
+    lamps: OneOrMore[LampKind]
+    lamp_pitch: Range[Metres]
+    lamps_off: Share
+    kelvin: Range[Kelvin]
+    daylight: Range[Light]
+    exposure: Range[Light]
+    white_balance: Range[Share]
+    kinds: Annotated[dict[RoomKind, Weight], Field(min_length=1)]
     hall_seed: int = 0
 
 
 def pick_colour(
     colours: tuple[Colour, ...], rng: np.random.Generator, spread: float = 10.0
 ) -> Colour:
-    """Return one of the colours, varied by a normal of ``spread`` in brightness and a third of it in hue."""
-    base = (
-        np.array(colours[rng.integers(len(colours))])
-        + rng.normal(0, spread)
-        + rng.normal(0, spread / 3, 3)
-    )
-    red, green, blue = np.clip(base, 4, 251).tolist()
+    """Return one of the colours, varied.
+
+    Args:
+        colours: Those to choose from.
+        rng: Random numbers.
+        spread: Standard deviation of its brightness; that of its hue is a third of it.
+    """
+    chosen = np.array(colours[rng.integers(len(colours))])
+    varied = chosen + rng.normal(0, spread) + rng.normal(0, spread / 3, 3)
+    red, green, blue = np.clip(varied, 4, 251).tolist()
     return red, green, blue
 
 
@@ -127,13 +148,8 @@ def pick_wood(style: Style, rng: np.random.Generator) -> Material:
 def pick_fabric(style: Style, rng: np.random.Generator) -> Material:
     """Return an upholstery of the building."""
     pattern = style.fabric[rng.integers(len(style.fabric))]
-    return _with_accent(
-        pattern,
-        pick_colour(style.upholstery, rng),
-        rng.uniform(0.5, 1.6),
-        rng.uniform(0.02, 0.2),
-        rng,
-    )
+    colour, factor = pick_colour(style.upholstery, rng), rng.uniform(0.5, 1.6)
+    return _with_accent(pattern, colour, factor, rng.uniform(0.02, 0.2), rng)
 
 
 def pick_metal(style: Style, rng: np.random.Generator) -> Material:

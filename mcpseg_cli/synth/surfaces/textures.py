@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -40,7 +40,7 @@ class Surface:
     middle: Floats
 
     def plane(self, along_grain: bool = False) -> tuple[Floats, Floats]:
-        """Return coordinates on the surface: v is up on upright faces, unless u is to run along the grain."""
+        """Return coordinates on the surface: v is up on upright faces, or u along the grain."""
         across = np.argmax(np.abs(self.normals), axis=1)
         first = np.where(across == 0, 1, 0)
         second = np.where(across == 2, 1, 2)
@@ -75,6 +75,8 @@ def paint_points(
     count = len(xyz_local)
     if not count:
         return np.zeros((0, 3), np.float32)
+
+    # all of one material, and the part as large as they reach
     low, high = xyz_local.min(axis=0), xyz_local.max(axis=0)
     surface = Surface(
         np.asarray(xyz_local, np.float32),
@@ -90,14 +92,14 @@ def paint_points(
 
 
 def paint_surface(pattern: Pattern, surface: Surface, rng: np.random.Generator) -> Floats:
-    """Paint points of one pattern; see ``paint_points``. Every surface gets dirt and uneven brightness."""
+    """Paint points of one pattern, with dirt and bright spots; see ``paint_points``."""
     if pattern == "book":
         colour, light = _books(surface)
     else:
         share, light = _PAINTERS[pattern](surface, rng)
         colour = surface.base + np.clip(share, 0, 1)[:, None] * (surface.accent - surface.base)
-    dirt = fbm(surface.xyz, 0.9, surface.seed + np.uint32(77), 2)
-    light = light * (0.96 + 0.08 * dirt) * (1 + rng.normal(0, 0.015, len(light)).astype(np.float32))
+    dirt = 0.96 + 0.08 * fbm(surface.xyz, 0.9, surface.seed + np.uint32(77), 2)
+    light = light * dirt * (1 + rng.normal(0, 0.015, len(light)).astype(np.float32))
     painted: Floats = np.clip(colour * light[:, None], 0, 255).astype(np.float32)
     return painted
 
@@ -110,8 +112,13 @@ def _cells(value: Floats, size: Floats | float) -> tuple[NDArray[np.int32], Floa
 
 
 def _line(place: Floats, width: Floats | float) -> NDArray[np.bool_]:
-    """Return whether a place in a cell lies on the line around it; the width is a share of the cell."""
+    """Return whether a place in a cell lies on the line around it, as wide as a share of it."""
     return (place < width) | (place > 1 - np.asarray(width))
+
+
+def _shades(share: NDArray[np.generic], light: NDArray[np.generic]) -> Shades:
+    """Return both in single precision."""
+    return share.astype(np.float32), light.astype(np.float32)
 
 
 def _plain(s: Surface, rng: np.random.Generator) -> Shades:
@@ -120,9 +127,8 @@ def _plain(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _plaster(s: Surface, rng: np.random.Generator) -> Shades:
     blotches = fbm(s.xyz, 1.2, s.seed, 4)
-    return 0.12 * np.clip(blotches - 0.45, 0, 1), 0.97 + 0.06 * fbm(
-        s.xyz, 25.0, s.seed + np.uint32(9), 2
-    )
+    bumps = fbm(s.xyz, 25.0, s.seed + np.uint32(9), 2)
+    return 0.12 * np.clip(blotches - 0.45, 0, 1), 0.97 + 0.06 * bumps
 
 
 def _carpet(s: Surface, rng: np.random.Generator) -> Shades:
@@ -131,28 +137,27 @@ def _carpet(s: Surface, rng: np.random.Generator) -> Shades:
     column, _ = _cells(v, s.scale)
     tuft = rng.random(len(u), np.float32)
     worn = fbm(s.xyz, 1.5, s.seed, 3)
-    return 0.55 * tuft + 0.4 * fbm(s.xyz, 30.0, s.seed, 2), 0.94 + 0.08 * hash01(
-        row, column, s.seed
-    ) + 0.12 * (worn - 0.5)
+    share = 0.55 * tuft + 0.4 * fbm(s.xyz, 30.0, s.seed, 2)
+    return share, 0.94 + 0.08 * hash01(row, column, s.seed) + 0.12 * (worn - 0.5)
 
 
 def _wood(s: Surface, rng: np.random.Generator) -> Shades:
+    # planks, each cut into pieces
     u, v = s.plane(along_grain=True)
     plank, across = _cells(v, s.scale)
     shift = hash01(plank, np.zeros_like(plank), s.seed)
     piece, along = _cells(u + 1.4 * shift, 1.4)
-    stretched = np.column_stack([u * 1.5, v * 18, hash01(plank, piece, s.seed) * 50]).astype(
-        np.float32
-    )
+    width = (0.02 / np.maximum(s.scale * 8, 0.4)).astype(np.float32)
+    joint = _line(across, width) | (along < 0.004)
+
+    # noise stretched along them, its level lines the rings
+    own = hash01(plank, piece, s.seed) * 50
+    stretched = np.column_stack([u * 1.5, v * 18, own]).astype(np.float32)
     grain = fbm(stretched, 1.0, s.seed, 4)
     ring = 0.5 + 0.5 * np.sin(25 * grain)
-    joint = _line(across, (0.02 / np.maximum(s.scale * 8, 0.4)).astype(np.float32)) | (
-        along < 0.004
-    )
+    share = 0.3 * ring + 0.8 * np.clip(grain - 0.35, 0, 1)
     light = 0.88 + 0.24 * hash01(plank, piece, s.seed + np.uint32(3))
-    return 0.3 * ring + 0.8 * np.clip(grain - 0.35, 0, 1), np.where(
-        joint, light * 0.75, light
-    ).astype(np.float32)
+    return share, np.where(joint, light * 0.75, light).astype(np.float32)
 
 
 def _brick(s: Surface, rng: np.random.Generator) -> Shades:
@@ -161,9 +166,7 @@ def _brick(s: Surface, rng: np.random.Generator) -> Shades:
     brick, along = _cells(u + 0.115 * s.scale * (row % 2), 0.23 * s.scale)
     mortar = _line(up, 0.08) | _line(along, 0.025)
     light = 0.75 + 0.45 * hash01(brick, row, s.seed) + 0.25 * (fbm(s.xyz, 40.0, s.seed, 2) - 0.5)
-    return np.where(mortar, 0.95, 0.12).astype(np.float32), np.where(mortar, 0.9, light).astype(
-        np.float32
-    )
+    return _shades(np.where(mortar, 0.95, 0.12), np.where(mortar, 0.9, light))
 
 
 def _tiles(s: Surface, rng: np.random.Generator) -> Shades:
@@ -177,17 +180,19 @@ def _tiles(s: Surface, rng: np.random.Generator) -> Shades:
 
 
 def _acoustic(s: Surface, rng: np.random.Generator) -> Shades:
+    # rails between the tiles, and the groove beside them
     u, v = s.plane()
     column, along = _cells(u, s.scale)
     row, up = _cells(v, s.scale)
     width = 0.012 / s.scale
     rail = _line(along, width) | _line(up, width)
     groove = _line(along, 1.9 * width) | _line(up, 1.9 * width)
+
     pores = np.clip((fbm(s.xyz, 45.0, s.seed, 2) - 0.58) * 5, 0, 1)
     light = 0.95 + 0.07 * hash01(column, row, s.seed)
     stained = np.clip(fbm(s.xyz, 0.8, s.seed + np.uint32(5), 3) - 0.66, 0, 1) * 1.5
     share = np.where(rail, 0.0, np.where(groove, 0.9, pores + stained))
-    return share.astype(np.float32), np.where(rail, 1.04, light).astype(np.float32)
+    return _shades(share, np.where(rail, 1.04, light))
 
 
 def _concrete(s: Surface, rng: np.random.Generator) -> Shades:
@@ -195,18 +200,15 @@ def _concrete(s: Surface, rng: np.random.Generator) -> Shades:
     _, along = _cells(u, s.scale)
     _, up = _cells(v, s.scale)
     joint = _line(along, 0.004) | _line(up, 0.004)
-    stain = fbm(s.xyz, 1.6, s.seed, 5)
+    stain = 1.6 * np.clip(fbm(s.xyz, 1.6, s.seed, 5) - 0.4, 0, 1)
     pits = fbm(s.xyz, 60.0, s.seed, 1) > 0.86
-    return np.where(joint, 0.8, 1.6 * np.clip(stain - 0.4, 0, 1)).astype(np.float32), np.where(
-        pits, 0.8, 1.0
-    ).astype(np.float32)
+    return _shades(np.where(joint, 0.8, stain), np.where(pits, 0.8, 1.0))
 
 
 def _weave(s: Surface, rng: np.random.Generator) -> Shades:
     mottle = fbm(s.xyz, 60.0, s.seed, 2)
-    return 0.3 * rng.random(len(s.xyz), np.float32) + 0.5 * mottle, 0.9 + 0.2 * fbm(
-        s.xyz, 6.0, s.seed, 2
-    )
+    share = 0.3 * rng.random(len(s.xyz), np.float32) + 0.5 * mottle
+    return share, 0.9 + 0.2 * fbm(s.xyz, 6.0, s.seed, 2)
 
 
 def _stripes(s: Surface, rng: np.random.Generator) -> Shades:
@@ -236,15 +238,10 @@ def _leather(s: Surface, rng: np.random.Generator) -> Shades:
 
 def _metal(s: Surface, rng: np.random.Generator) -> Shades:
     u, v = s.plane(along_grain=True)
-    brushed = fbm(
-        np.column_stack([u * 2, v * 90, np.zeros_like(u)]).astype(np.float32), 1.0, s.seed, 2
-    )
-    reflection = fbm(
-        np.column_stack([u * 3, v * 3, s.normals[:, 2] * 2]).astype(np.float32),
-        1.0,
-        s.seed + np.uint32(4),
-        2,
-    )
+    along = np.column_stack([u * 2, v * 90, np.zeros_like(u)]).astype(np.float32)
+    around = np.column_stack([u * 3, v * 3, s.normals[:, 2] * 2]).astype(np.float32)
+    brushed = fbm(along, 1.0, s.seed, 2)
+    reflection = fbm(around, 1.0, s.seed + np.uint32(4), 2)
     return 0.5 * brushed, 0.65 + 0.7 * reflection
 
 
@@ -254,31 +251,32 @@ def _glass(s: Surface, rng: np.random.Generator) -> Shades:
     height = np.clip((s.xyz[:, 2] - 0.6) / 1.6, 0, 1)
     streak = fbm(s.xyz * np.array([1, 1, 0.15], np.float32), 3.0, s.seed + np.uint32(2), 2)
     share = 0.9 * height + 1.2 * (outside - 0.5)
-    return np.clip(share, 0, 1), (
-        0.7 + 0.3 * height + 0.3 * (outside - 0.5) + 0.2 * (streak - 0.5)
-    ).astype(np.float32)
+    light = 0.7 + 0.3 * height + 0.3 * (outside - 0.5) + 0.2 * (streak - 0.5)
+    return np.clip(share, 0, 1), light.astype(np.float32)
 
 
 def _screen(s: Surface, rng: np.random.Generator) -> Shades:
-    """Dark ones mirror the room smoothly; lit ones show windows with a title, lines of text and a task bar."""
+    """Dark ones mirror the room smoothly; lit ones show windows with lines of text, a task bar."""
     u, v = s.plane()
     mirrored = np.clip(3.0 * (fbm(s.xyz, 2.5, s.seed, 2) - 0.45), 0, 1) * 0.7
+
+    # windows with a title, and text in them
     column, along = _cells(u - s.middle[:, 0], 0.27)
     row, up = _cells(v - s.middle[:, 2], 0.22)
     is_window = hash01(column, row, s.seed) > 0.35
     line, _ = _cells(v, 0.05)
     text = (hash01(column, line, s.seed + np.uint32(1)) > 0.5) & (along < 0.7)
     shown = np.where(up > 0.85, 0.2, np.where(text, 0.72, 1.0)) * (along < 0.94)
+    lit = np.where(is_window, shown, 0.15 * along + 0.1 * up)
+
     is_lit = s.base.mean(axis=1) > 60
-    share = np.where(is_lit, np.where(is_window, shown, 0.15 * along + 0.1 * up), mirrored)
-    return share.astype(np.float32), np.where(is_lit, 1.05, 0.9 + 0.3 * mirrored).astype(np.float32)
+    return _shades(np.where(is_lit, lit, mirrored), np.where(is_lit, 1.05, 0.9 + 0.3 * mirrored))
 
 
 def _foliage(s: Surface, rng: np.random.Generator) -> Shades:
     leaf = fbm(s.xyz, 18.0, s.seed, 2)
-    return np.clip((leaf - 0.3) * 2, 0, 1), (0.65 + 0.7 * rng.random(len(leaf), np.float32)).astype(
-        np.float32
-    )
+    light = 0.65 + 0.7 * rng.random(len(leaf), np.float32)
+    return np.clip((leaf - 0.3) * 2, 0, 1), light.astype(np.float32)
 
 
 def _paper(s: Surface, rng: np.random.Generator) -> Shades:
@@ -293,9 +291,8 @@ def _whiteboard(s: Surface, rng: np.random.Generator) -> Shades:
     written = fbm(s.xyz, 2.5, s.seed + np.uint32(1), 1) > 0.55
     stroke = np.abs(fbm(s.xyz, 16.0, s.seed, 2) - 0.5) < 0.025
     smear = np.clip(fbm(s.xyz, 3.0, s.seed + np.uint32(2), 3) - 0.55, 0, 1)
-    return np.where(written & stroke, 0.6, 0.5 * smear).astype(np.float32), 0.97 + 0.06 * fbm(
-        s.xyz, 0.7, s.seed, 2
-    )
+    share = np.where(written & stroke, 0.6, 0.5 * smear).astype(np.float32)
+    return share, 0.97 + 0.06 * fbm(s.xyz, 0.7, s.seed, 2)
 
 
 def _chalkboard(s: Surface, rng: np.random.Generator) -> Shades:
@@ -304,15 +301,13 @@ def _chalkboard(s: Surface, rng: np.random.Generator) -> Shades:
 
 
 def _cardboard(s: Surface, rng: np.random.Generator) -> Shades:
-    centred = Surface(
-        s.xyz - s.middle, s.normals, s.base, s.accent, s.scale, s.seed, s.grain, s.middle
-    )
-    _, v = centred.plane(along_grain=True)
-    tape = (np.abs(v) < 0.025) & (np.abs(s.normals[:, 2]) > 0.5)
+    # tape along the middle of top and bottom, a print on the sides
+    _, v = replace(s, xyz=s.xyz - s.middle).plane(along_grain=True)
+    is_level = np.abs(s.normals[:, 2]) > 0.5
+    tape = (np.abs(v) < 0.025) & is_level
     print_ = (fbm(s.xyz, 9.0, s.seed, 1) > 0.72) & (np.abs(s.normals[:, 2]) < 0.5)
-    return np.where(tape, 0.8, np.where(print_, 0.5, 0.08)).astype(np.float32), 0.94 + 0.12 * fbm(
-        s.xyz, 12.0, s.seed, 2
-    )
+    share = np.where(tape, 0.8, np.where(print_, 0.5, 0.08)).astype(np.float32)
+    return share, 0.94 + 0.12 * fbm(s.xyz, 12.0, s.seed, 2)
 
 
 def _marble(s: Surface, rng: np.random.Generator) -> Shades:
@@ -322,20 +317,20 @@ def _marble(s: Surface, rng: np.random.Generator) -> Shades:
 
 
 def _books(s: Surface) -> Shades:
-    """Return colour, (N, 3), and brightness of rows of books: a colour of its own for each, and a band with a title."""
+    """Return colour, (N, 3), and brightness of rows of books with titles on their backs."""
     u, v = s.plane()
     book, along = _cells(u, np.minimum(s.scale, 0.06))
     row = np.zeros_like(book)
     tint = np.column_stack([hash01(book, row + k, s.seed) for k in range(3)])
     mix = hash01(book, row + 4, s.seed)[:, None]
     colour = s.base * (1 - mix) + s.accent * mix + (tint - 0.5) * 50
+
+    # gaps between them are dark, titles bright
     _, up = _cells(v, 0.11)
     title = (up > 0.55) & (up < 0.75) & (hash01(book, row + 5, s.seed) > 0.4)
     gap = _line(along, 0.06)
-    light = np.where(gap, 0.5, np.where(title, 1.5, 1.0)) * (
-        0.8 + 0.4 * hash01(book, row + 6, s.seed)
-    )
-    return colour.astype(np.float32), light.astype(np.float32)
+    own = 0.8 + 0.4 * hash01(book, row + 6, s.seed)
+    return _shades(colour, np.where(gap, 0.5, np.where(title, 1.5, 1.0)) * own)
 
 
 _PAINTERS: dict[Pattern, Callable[[Surface, np.random.Generator], Shades]] = {

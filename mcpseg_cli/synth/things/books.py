@@ -12,17 +12,8 @@ from mcpseg_cli.synth.surfaces.materials import Colour, Material
 from mcpseg_cli.synth.surfaces.styles import paint
 
 _COVERS: tuple[Colour, ...] = (
-    (140, 40, 38),
-    (38, 62, 110),
-    (44, 90, 60),
-    (222, 214, 198),
-    (60, 58, 60),
-    (196, 150, 60),
-    (88, 50, 92),
-    (120, 140, 150),
-    (235, 235, 232),
-    (150, 90, 50),
-    (30, 110, 130),
+    *((140, 40, 38), (38, 62, 110), (44, 90, 60), (222, 214, 198), (60, 58, 60), (196, 150, 60)),
+    *((88, 50, 92), (120, 140, 150), (235, 235, 232), (150, 90, 50), (30, 110, 130)),
     (180, 180, 178),
 )
 
@@ -42,25 +33,27 @@ def book_row(width: float, depth: float, height: float, rng: np.random.Generator
     Returns:
         One to four parts on z = 0; none if nothing fits.
     """
-    binders = rng.random() < 0.25
-    thick = rng.uniform(0.045, 0.08, 64) if binders else rng.uniform(0.012, 0.055, 64)
-    tall = (
-        np.full(64, 0.31)
-        if binders
-        else np.clip(rng.normal(rng.uniform(0.2, 0.28), 0.025, 64), 0.15, 0.34)
-    )
-    deep = np.clip(
-        rng.normal(0.27 if binders else 0.18, 0.0 if binders else 0.025, 64), 0.1, depth - 0.01
-    )
+    # binders are alike, books are not
+    if rng.random() < 0.25:
+        binders, thick = True, rng.uniform(0.045, 0.08, 64)
+        tall, deep = np.full(64, 0.31), rng.normal(0.27, 0.0, 64)
+    else:
+        binders, thick = False, rng.uniform(0.012, 0.055, 64)
+        tall = np.clip(rng.normal(rng.uniform(0.2, 0.28), 0.025, 64), 0.15, 0.34)
+        deep = rng.normal(0.18, 0.025, 64)
+    deep = np.clip(deep, 0.1, depth - 0.01)
     tall = np.minimum(tall, height - 0.015)
+
+    # as many as there is space for
     ends = np.cumsum(thick)
     starts = ends - thick
     count = int(np.searchsorted(ends, width))
     if count == 0 or height < 0.1:
         return []
-    front = (
-        depth - rng.uniform(0.005, max(depth - 0.28, 0.01)) - np.abs(rng.normal(0, 0.008, count))
-    )
+
+    # their backs in a line, nearly
+    line = depth - rng.uniform(0.005, max(depth - 0.28, 0.01))
+    front = line - np.abs(rng.normal(0, 0.008, count))
     front = np.maximum(front, deep[:count] + 0.003)
     lows = np.column_stack([starts[:count], front - deep[:count], np.zeros(count)])
     highs = np.column_stack([ends[:count] - 0.001, front, tall[:count]])
@@ -68,21 +61,19 @@ def book_row(width: float, depth: float, height: float, rng: np.random.Generator
 
 
 def leaning_books(height: float, rng: np.random.Generator) -> tuple[Triangles, float]:
-    """Make a few books leaning to the left; return them about their lower left corner, and the width they take."""
+    """Make a few books that lean to the left.
+
+    Returns:
+        The books, about their lower left corner, and the width they take, metres.
+    """
     count, tall = int(rng.integers(1, 4)), min(float(rng.uniform(0.2, 0.27)), height - 0.03)
     angle = float(rng.uniform(0.1, 0.35))
     thick = rng.uniform(0.015, 0.04, count)
     starts = np.cumsum(thick) - thick
-    books = boxes(
-        np.column_stack([starts, np.full(count, 0.02), np.zeros(count)]),
-        np.column_stack(
-            [
-                starts + thick - 0.001,
-                rng.uniform(0.16, 0.22, count),
-                tall * rng.uniform(0.9, 1, count),
-            ]
-        ),
-    )
+    lows = np.column_stack([starts, np.full(count, 0.02), np.zeros(count)])
+    deep, high = rng.uniform(0.16, 0.22, count), tall * rng.uniform(0.9, 1, count)
+    books = boxes(lows, np.column_stack([starts + thick - 0.001, deep, high]))
+
     leaned = lean(books, -angle)
     low = leaned.min(axis=(0, 1))
     return shifted(leaned, -float(low[0]), 0, -float(low[2])), float(np.ptp(leaned[..., 0]))
@@ -106,11 +97,8 @@ def _in_colours(books: Triangles, binders: bool, rng: np.random.Generator) -> li
     """Group books, (N, 12, 3, 3), into a few colours; a part is a run of neighbours."""
     runs = min(len(books), 1 + int(rng.integers(1, 3)) if binders else 1 + len(books) // 7)
     cuts = np.linspace(0, len(books), runs + 1).astype(int)
-    return [
-        solid(_cover(rng), books[a:b].reshape(-1, 3, 3))
-        for a, b in itertools.pairwise(cuts)
-        if b > a
-    ]
+    spans = [(a, b) for a, b in itertools.pairwise(cuts) if b > a]
+    return [solid(_cover(rng), books[a:b].reshape(-1, 3, 3)) for a, b in spans]
 
 
 def _cover(rng: np.random.Generator) -> Material:

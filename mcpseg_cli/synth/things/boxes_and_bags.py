@@ -11,14 +11,8 @@ from mcpseg_cli.synth.surfaces.styles import Style, paint
 from mcpseg_cli.synth.things.books import book_stack
 
 _BRIGHT: tuple[Colour, ...] = (
-    (180, 50, 45),
-    (40, 80, 150),
-    (60, 120, 70),
-    (220, 180, 60),
-    (40, 40, 44),
-    (230, 230, 228),
-    (120, 120, 124),
-    (150, 80, 130),
+    *((180, 50, 45), (40, 80, 150), (60, 120, 70), (220, 180, 60), (40, 40, 44), (230, 230, 228)),
+    *((120, 120, 124), (150, 80, 130)),
 )
 
 
@@ -30,7 +24,7 @@ def bright(rng: np.random.Generator) -> Colour:
 def carton_parts(
     rng: np.random.Generator, most: tuple[float, float, float] = (0.6, 0.45, 0.5)
 ) -> list[Part]:
-    """Make a cardboard or plastic box about the origin on z = 0, at most so large; open at times."""
+    """Make a cardboard or plastic box about the origin on z = 0, at most so large."""
     width, depth, height = (rng.uniform(0.45, 1.0, 3) * most).tolist()
     w, d = width / 2, depth / 2
     if rng.random() < 0.75:
@@ -38,27 +32,27 @@ def carton_parts(
         material = paint(base, rng, "cardboard", rng.uniform(0.1, 0.3))
     else:
         material = paint(bright(rng), rng)
+
+    # shut, with tape over it
     if rng.random() < 0.65 or min(width, depth) < 0.15:
         tape = boxes((-w, -0.025, height), (w, 0.025, height + 0.001))
-        return [
-            solid(material, boxes((-w, -d, 0), (w, d, height))),
-            solid(paint((196, 170, 120), rng), tape),
-        ]
-    rim = height * rng.uniform(0.7, 0.85)
+        body = boxes((-w, -d, 0), (w, d, height))
+        return [solid(material, body), solid(paint((196, 170, 120), rng), tape)]
+
+    # or open: bottom, walls and two flaps up
+    rim, thin = height * rng.uniform(0.7, 0.85), 0.006
     walls = boxes(
-        [(-w, -d, 0), (-w, -d, 0), (w - 0.006, -d, 0), (-w, -d, 0), (-w, d - 0.006, 0)],
-        [(w, d, 0.006), (-w + 0.006, d, rim), (w, d, rim), (w, -d + 0.006, rim), (w, d, rim)],
+        [(-w, -d, 0), (-w, -d, 0), (w - thin, -d, 0), (-w, -d, 0), (-w, d - thin, 0)],
+        [(w, d, thin), (-w + thin, d, rim), (w, d, rim), (w, -d + thin, rim), (w, d, rim)],
     )
     flap = min(depth * 0.45, 0.12, height - rim)
-    out = rng.uniform(0.0, 0.05, 2)
-    flaps = [
-        quad((-w, -d, rim), (width, 0, 0), (0, float(-out[0]) * 0, flap)),
-        quad((-w, d, rim), (width, 0, 0), (0, float(-out[1]), flap)),
-    ]
-    inside = boxes(
-        (-w + 0.02, -d + 0.02, 0.006), (w - 0.02, d - 0.02, rim * rng.uniform(0.3, 0.85))
-    )
-    return [solid(material, walls, *flaps), solid(paint(bright(rng), rng, "print", 0.1), inside)]
+    _, out = rng.uniform(0.0, 0.05, 2).tolist()
+    near = quad((-w, -d, rim), (width, 0, 0), (0, 0, flap))
+    far = quad((-w, d, rim), (width, 0, 0), (0, -out, flap))
+    full = rim * rng.uniform(0.3, 0.85)
+    inside = boxes((-w + 0.02, -d + 0.02, 0.006), (w - 0.02, d - 0.02, full))
+    content = paint(bright(rng), rng, "print", 0.1)
+    return [solid(material, walls, near, far), solid(content, inside)]
 
 
 def carton(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -72,11 +66,9 @@ def small_carton(style: Style, rng: np.random.Generator) -> list[Part]:
     parts = carton_parts(rng, size)
     if rng.random() < 0.3:
         top = max(float(part.high[2]) for part in parts)
-        low = solid(
-            paint((180, 146, 104), rng, "cardboard", 0.2),
-            boxes((-0.1, -0.09, 0), (0.1, 0.09, 0.12)),
-        )
-        parts = [low.moved(z=top), *parts] if len(parts[0].triangles) == 12 else parts
+        cardboard = paint((180, 146, 104), rng, "cardboard", 0.2)
+        upper = solid(cardboard, boxes((-0.1, -0.09, 0), (0.1, 0.09, 0.12)))
+        parts = [upper.moved(z=top), *parts] if len(parts[0].triangles) == 12 else parts
     return parts
 
 
@@ -84,48 +76,33 @@ def carton_pile(style: Style, rng: np.random.Generator) -> list[Part]:
     """Boxes on top of each other."""
     level, parts, size = 0.0, [], np.array([0.6, 0.45, 0.45])
     for _ in range(int(rng.integers(2, 5))):
+        # smaller than the one below
         low = size * rng.uniform(0.7, 1.0, 3)
-        material = paint(
-            (178, 142, 98) if rng.random() < 0.7 else (222, 220, 214), rng, "cardboard", 0.2
-        )
-        body = boxes((-low[0] / 2, -low[1] / 2, 0), (low[0] / 2, low[1] / 2, low[2]))
-        tape = boxes(
-            (-low[0] / 2 - 0.001, -0.025, low[2] * 0.8), (low[0] / 2 + 0.001, 0.025, low[2] + 0.001)
-        )
+        colour = (178, 142, 98) if rng.random() < 0.7 else (222, 220, 214)
+        material = paint(colour, rng, "cardboard", 0.2)
+        w, d, h = low[0] / 2, low[1] / 2, low[2]
+        body = boxes((-w, -d, 0), (w, d, h))
+        tape = boxes((-w - 0.001, -0.025, h * 0.8), (w + 0.001, 0.025, h + 0.001))
+
+        # a little off and turned
         shift, angle = rng.normal(0, 0.02, 2), rng.normal(0, 0.06)
         layer = (solid(material, body), solid(paint((200, 175, 125), rng), tape))
         parts += [part.moved(float(shift[0]), float(shift[1]), level, angle) for part in layer]
-        level += float(low[2])
+        level += float(h)
         size = np.minimum(size, low * [1.0, 1.0, 1.2])
     return parts
 
 
 def mug(style: Style, rng: np.random.Generator) -> list[Part]:
-    """Mug with a handle, or a glass."""
+    """Mug with a handle."""
     radius, height = rng.uniform(0.033, 0.045), rng.uniform(0.08, 0.115)
-    profile = [
-        (0, 0),
-        (radius * 0.85, 0),
-        (radius, 0.02),
-        (radius, height),
-        (radius - 0.005, height),
-        (radius - 0.006, 0.01),
-        (0, 0.01),
-    ]
-    body = lathe(profile, 12)
-    handle = pipe(
-        bend(
-            [
-                (radius, 0, height * 0.8),
-                (radius + 0.03, 0, height * 0.8),
-                (radius + 0.03, 0, 0.02),
-                (radius, 0, 0.02),
-            ],
-            0.02,
-        ),
-        0.005,
-        5,
-    )
+    outside = [(0, 0), (radius * 0.85, 0), (radius, 0.02), (radius, height)]
+    inside = [(radius - 0.005, height), (radius - 0.006, 0.01), (0, 0.01)]
+    body = lathe([*outside, *inside], 12)
+
+    top, out = height * 0.8, radius + 0.03
+    ear = [(radius, 0, top), (out, 0, top), (out, 0, 0.02), (radius, 0, 0.02)]
+    handle = pipe(bend(ear, 0.02), 0.005, 5)
     return [solid(paint(bright(rng), rng), body, turned(handle, rng.uniform(0, 6)))]
 
 
@@ -133,34 +110,19 @@ def bottle(style: Style, rng: np.random.Generator) -> list[Part]:
     """Bottle."""
     radius, height = rng.uniform(0.03, 0.045), rng.uniform(0.2, 0.33)
     neck = height * rng.uniform(0.6, 0.75)
-    profile = [
-        (0, 0),
-        (radius, 0.004),
-        (radius, neck),
-        (0.014, neck + 0.07),
-        (0.014, height),
-        (0, height),
-    ]
-    return [
-        solid(
-            paint(
-                ((40, 90, 60), (120, 160, 190), (70, 40, 25), (220, 225, 228))[rng.integers(4)], rng
-            ),
-            lathe(profile, 10),
-        )
-    ]
+    body, top = [(0, 0), (radius, 0.004), (radius, neck)], [(0.014, height), (0, height)]
+    shape = lathe([*body, (0.014, neck + 0.07), *top], 10)
+    colour = ((40, 90, 60), (120, 160, 190), (70, 40, 25), (220, 225, 228))[rng.integers(4)]
+    return [solid(paint(colour, rng), shape)]
 
 
 def vase(style: Style, rng: np.random.Generator) -> list[Part]:
     """Vase, tin or bowl."""
     height = rng.uniform(0.08, 0.3)
-    z = np.linspace(0, height, 8)
-    radius = rng.uniform(0.04, 0.07) * (
-        1 + rng.uniform(-0.35, 0.5) * np.sin(np.pi * z / height * rng.uniform(0.6, 1.4))
-    )
-    profile = np.column_stack(
-        [np.concatenate([[0], radius, [0]]), np.concatenate([[0], z, [height * 0.9]])]
-    )
+    z, wide = np.linspace(0, height, 8), rng.uniform(0.04, 0.07)
+    belly = rng.uniform(-0.35, 0.5) * np.sin(np.pi * z / height * rng.uniform(0.6, 1.4))
+    radius = np.concatenate([[0], wide * (1 + belly), [0]])
+    profile = np.column_stack([radius, np.concatenate([[0], z, [height * 0.9]])])
     return [solid(paint(bright(rng), rng), lathe(profile, 14))]
 
 
@@ -176,30 +138,28 @@ def figure(style: Style, rng: np.random.Generator) -> list[Part]:
     return [solid(material, *shapes), solid(paint(bright(rng), rng), feet)]
 
 
-def small_parts(rng: np.random.Generator) -> list[Part]:
+def small_parts(style: Style, rng: np.random.Generator) -> list[Part]:
     """Make something small for a shelf, about the origin on z = 0."""
     maker = (mug, bottle, vase, figure, tray)[rng.integers(5)]
-    return maker(_NO_STYLE, rng)
+    return maker(style, rng)
 
 
 def tray(style: Style, rng: np.random.Generator) -> list[Part]:
     """Letter trays on top of each other, with paper in them."""
     material, white = paint(bright(rng), rng), paint((236, 235, 230), rng, "paper", 0.2)
-    trays = int(rng.integers(1, 4))
+    levels = [row * 0.065 for row in range(int(rng.integers(1, 4)))]
+
+    # bottom, two sides and a rear of each
     lows, highs = [], []
-    for row in range(trays):
-        z = row * 0.065
+    for z in levels:
+        top = z + 0.06
         lows += [(-0.12, -0.16, z), (-0.12, -0.16, z), (0.116, -0.16, z), (-0.12, -0.16, z)]
-        highs += [
-            (0.12, 0.16, z + 0.004),
-            (-0.116, 0.16, z + 0.06),
-            (0.12, 0.16, z + 0.06),
-            (0.12, -0.156, z + 0.06),
-        ]
-    sheets = [(row * 0.065 + 0.004, rng.uniform(0.005, 0.05)) for row in range(trays)]
-    paper = boxes(
-        [(-0.105, -0.15, z) for z, _ in sheets], [(0.105, 0.15, z + high) for z, high in sheets]
-    )
+        highs += [(0.12, 0.16, z + 0.004), (-0.116, 0.16, top)]
+        highs += [(0.12, 0.16, top), (0.12, -0.156, top)]
+
+    sheets = [(z + 0.004, rng.uniform(0.005, 0.05)) for z in levels]
+    tops = [(0.105, 0.15, z + high) for z, high in sheets]
+    paper = boxes([(-0.105, -0.15, z) for z, _ in sheets], tops)
     return [solid(material, boxes(lows, highs)), solid(white, paper)]
 
 
@@ -208,14 +168,15 @@ def paper_stack(style: Style, rng: np.random.Generator) -> list[Part]:
     level, parts = 0.0, []
     for _ in range(int(rng.integers(1, 4))):
         thick = rng.uniform(0.003, 0.03)
-        white = rng.random() < 0.7
-        material = paint(
-            (238, 237, 232) if white else bright(rng), rng, "paper" if white else "plain", 0.2
-        )
+        if rng.random() < 0.7:
+            material = paint((238, 237, 232), rng, "paper", 0.2)
+        else:
+            material = paint(bright(rng), rng, "plain", 0.2)
+
+        # askew on the sheets below
         sheet = turned(boxes((-0.105, -0.1485, 0), (0.105, 0.1485, thick)), rng.normal(0, 0.25))
-        parts.append(
-            solid(material, shifted(sheet, rng.normal(0, 0.02), rng.normal(0, 0.02), level))
-        )
+        x, y = rng.normal(0, 0.02), rng.normal(0, 0.02)
+        parts.append(solid(material, shifted(sheet, x, y, level)))
         level += thick
     return parts
 
@@ -231,18 +192,15 @@ def backpack(style: Style, rng: np.random.Generator) -> list[Part]:
     body = cushion((-0.16, -0.1, 0), (0.16, 0.1, 0.46), 0.4, 0.4)
     body[..., 0] += 0.012 * np.sin(body[..., 2] * 14)
     pocket = cushion((-0.12, 0.05, 0.03), (0.12, 0.16, 0.24), 0.4, 0.4)
-    straps = [
-        pipe(bend([(x, -0.1, 0.42), (x * 1.4, -0.14, 0.25), (x, -0.1, 0.06)], 0.1), 0.014, 4)
-        for x in (-0.08, 0.08)
-    ]
-    handle = pipe(
-        bend([(-0.04, -0.03, 0.44), (0, -0.03, 0.5), (0.04, -0.03, 0.44)], 0.04), 0.008, 4
-    )
-    angle = -rng.uniform(0.0, 0.25)
-    return [
-        solid(material, tilted(np.concatenate([body, pocket]), -angle)),
-        solid(dark, tilted(np.concatenate([*straps, handle]), -angle)),
-    ]
+
+    # two straps behind, a handle on top
+    paths = [[(x, -0.1, 0.42), (x * 1.4, -0.14, 0.25), (x, -0.1, 0.06)] for x in (-0.08, 0.08)]
+    straps = [pipe(bend(path, 0.1), 0.014, 4) for path in paths]
+    loop = bend([(-0.04, -0.03, 0.44), (0, -0.03, 0.5), (0.04, -0.03, 0.44)], 0.04)
+    straps.append(pipe(loop, 0.008, 4))
+    angle = rng.uniform(0.0, 0.25)
+    leaning = tilted(np.concatenate([body, pocket]), angle)
+    return [solid(material, leaning), solid(dark, tilted(np.concatenate(straps), angle))]
 
 
 def bag(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -251,65 +209,36 @@ def bag(style: Style, rng: np.random.Generator) -> list[Part]:
     body = cushion((-width / 2, -0.09, 0), (width / 2, 0.09, height), 0.4, 0.5)
     body[..., 1] *= 1.2 - 0.9 * body[..., 2:3].squeeze(-1) / height
     body[..., 2] *= 1 + 0.08 * np.sin(body[..., 0] * 20)
-    loops = [
-        pipe(
-            bend(
-                [
-                    (-width / 4, y, height * 0.9),
-                    (0, y * 2, height + 0.16),
-                    (width / 4, y, height * 0.9),
-                ],
-                0.1,
-            ),
-            0.008,
-            4,
-        )
-        for y in (-0.02, 0.02)
-    ]
-    return [
-        solid(
-            paint(bright(rng), rng, "leather" if rng.random() < 0.4 else "weave", 0.03),
-            body,
-            *loops,
-        )
-    ]
+
+    # two handles
+    x, z, loops = width / 4, height * 0.9, []
+    for y in (-0.02, 0.02):
+        path = bend([(-x, y, z), (0, y * 2, height + 0.16), (x, y, z)], 0.1)
+        loops.append(pipe(path, 0.008, 4))
+    material = paint(bright(rng), rng, "leather" if rng.random() < 0.4 else "weave", 0.03)
+    return [solid(material, body, *loops)]
 
 
 def suitcase(style: Style, rng: np.random.Generator) -> list[Part]:
     """Trolley case with its handle up or down."""
     width, height, depth = rng.uniform(0.34, 0.48), rng.uniform(0.5, 0.72), rng.uniform(0.2, 0.28)
     material, metal = paint(bright(rng), rng), paint((160, 160, 162), rng, "metal")
-    body = cushion((-width / 2, 0, 0.04), (width / 2, depth, height), 0.2, 0.2)
-    ribs = boxes(
-        [(x, depth - 0.004, 0.1) for x in np.linspace(-0.35, 0.3, 5) * width],
-        [(x + 0.015, depth + 0.006, height - 0.06) for x in np.linspace(-0.35, 0.3, 5) * width],
-    )
-    wheels = [
-        shifted(
-            tilted(rod(0.025, -0.015, 0.015, sides=8), np.pi / 2), x * (width / 2 - 0.05), y, 0.025
-        )
-        for x in (-1, 1)
-        for y in (0.05, depth - 0.05)
-    ]
-    up = height + rng.choice([0.03, 0.3, 0.4])
-    handle = pipe(
-        bend(
-            [
-                (-0.09, 0.03, height - 0.05),
-                (-0.09, 0.03, up),
-                (0.09, 0.03, up),
-                (0.09, 0.03, height - 0.05),
-            ],
-            0.03,
-        ),
-        0.009,
-        5,
-    )
-    return [
-        solid(material, body, ribs),
-        solid(metal, handle),
-        solid(paint((40, 40, 42), rng), *wheels),
-    ]
+    half = width / 2
+
+    # a shell with ribs
+    body = cushion((-half, 0, 0.04), (half, depth, height), 0.2, 0.2)
+    places = np.linspace(-0.35, 0.3, 5) * width
+    tops = [(x + 0.015, depth + 0.006, height - 0.06) for x in places]
+    ribs = boxes([(x, depth - 0.004, 0.1) for x in places], tops)
+
+    # wheels and handle
+    wheel = tilted(rod(0.025, -0.015, 0.015, sides=8), np.pi / 2)
+    spots = [(x * (half - 0.05), y) for x in (-1, 1) for y in (0.05, depth - 0.05)]
+    wheels = [shifted(wheel, x, y, 0.025) for x, y in spots]
+    low, up = height - 0.05, height + rng.choice([0.03, 0.3, 0.4])
+    path = [(-0.09, 0.03, low), (-0.09, 0.03, up), (0.09, 0.03, up), (0.09, 0.03, low)]
+    handle = solid(metal, pipe(bend(path, 0.03), 0.009, 5))
+    return [solid(material, body, ribs), handle, solid(paint((40, 40, 42), rng), *wheels)]
 
 
 def umbrella_stand(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -321,6 +250,3 @@ def umbrella_stand(style: Style, rng: np.random.Generator) -> list[Part]:
         rolled = slanted((*foot, 0.03), (*tip, rng.uniform(0.7, 0.85)), (0.04, 0.04))
         parts.append(solid(paint(bright(rng), rng), rolled))
     return parts
-
-
-_NO_STYLE = Style("", (), (), (), (), (), (), (), (), 0.5)

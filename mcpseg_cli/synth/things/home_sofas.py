@@ -1,7 +1,8 @@
-"""Sofas of living rooms: straight, with a chaise longue or round a corner; with and without arms, pillows, blankets."""
+"""Sofas of living rooms: straight, with a chaise longue or round a corner."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,23 +14,11 @@ from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_fabric, pick_metal, pick_wood
 
 _LEATHERS: tuple[Colour, ...] = (
-    (34, 30, 30),
-    (52, 38, 32),
-    (84, 52, 36),
-    (118, 72, 44),
-    (70, 26, 26),
-    (196, 184, 166),
+    *((34, 30, 30), (52, 38, 32), (84, 52, 36), (118, 72, 44), (70, 26, 26), (196, 184, 166)),
 )
 _PILLOWS: tuple[Colour, ...] = (
-    (40, 40, 44),
-    (176, 92, 54),
-    (196, 160, 84),
-    (58, 96, 104),
-    (122, 44, 50),
-    (212, 204, 188),
-    (86, 98, 66),
-    (104, 76, 112),
-    (150, 140, 126),
+    *((40, 40, 44), (176, 92, 54), (196, 160, 84), (58, 96, 104), (122, 44, 50)),
+    *((212, 204, 188), (86, 98, 66), (104, 76, 112), (150, 140, 126)),
 )
 _WEAVES: tuple[Pattern, ...] = ("weave", "plain", "stripes", "checks", "print")
 
@@ -91,6 +80,8 @@ def make_home_sofa(
         parts += _chaise(build, corner, width, rng)
     elif corner:
         parts += _second_run(build, corner, width, rng)
+
+    # what lies on it
     parts += _pillows(build, width, int(rng.integers(0, seats + 3)), rng)
     if rng.random() < 0.45:
         parts.append(_blanket(build, width, rng))
@@ -106,14 +97,10 @@ def _draw_build(style: Style, rng: np.random.Generator) -> _Build:
         cover = paint(_LEATHERS[rng.integers(len(_LEATHERS))], rng, "leather", 0.05)
     frame = pick_wood(style, rng) if rng.random() < 0.65 else pick_metal(style, rng)
     is_slim = rng.random() < 0.25
-    height, seat = rng.uniform(0.66, 1.0), rng.uniform(0.36, 0.48)
-    arm = (
-        0.0
-        if rng.random() < 0.15
-        else rng.uniform(0.05, 0.08)
-        if is_slim
-        else rng.uniform(0.12, 0.32)
-    )
+    height, seat, arm = rng.uniform(0.66, 1.0), rng.uniform(0.36, 0.48), 0.0
+    if rng.random() >= 0.15:
+        arm = rng.uniform(0.05, 0.08) if is_slim else rng.uniform(0.12, 0.32)
+
     return _Build(
         cover,
         frame,
@@ -133,19 +120,17 @@ def _draw_build(style: Style, rng: np.random.Generator) -> _Build:
 
 
 def _run(build: _Build, width: float, arms: Sequence[bool], rng: np.random.Generator) -> list[Part]:
-    """Make seats side by side, their back to y = 0, with an arm at the low and at the high end or not."""
+    """Make seats side by side, their back to y = 0, with arms at the low and high end or not."""
     half, b = width / 2, build
     low = b.seat - (0.1 if b.is_slim else 0.16)
     base = cushion((-half, 0.02, b.foot), (half, b.depth - 0.02, low), 0.06, 0.12)
-    rear = cushion(
-        (-half, 0, b.foot),
-        (half, b.back, b.height - rng.uniform(0.0, 0.08)),
-        0.1,
-        0.1 + b.softness / 2,
-    )
+    top = b.height - rng.uniform(0.0, 0.08)
+    rear = cushion((-half, 0, b.foot), (half, b.back, top), 0.1, 0.1 + b.softness / 2)
     spots = [(x * (half - 0.07), y) for x in (-1, 1) for y in (0.08, b.depth - 0.1)]
     feet = [slanted((x, y, 0), (x, y, b.foot + 0.02), (0.045, 0.045)) for x, y in spots]
     parts = [solid(b.cover, base), solid(b.cover, rear), *(solid(b.frame, foot) for foot in feet)]
+
+    # arms take their space from the seats
     ends = [-half, half]
     for number, has_arm in enumerate(arms):
         if has_arm and b.arm:
@@ -170,35 +155,26 @@ def _arm(build: _Build, x: float) -> list[Part]:
 def _seats(
     build: _Build, first: float, last: float, low: float, rng: np.random.Generator
 ) -> list[Part]:
-    """Put seat and back cushions between two ends: one each, or long ones for two; each sags a little differently."""
+    """Put seat and back cushions between two ends: one each, or long ones for two."""
     b, parts = build, []
     count = max(round((last - first) / b.place), 1)
     if count > 1 and rng.random() < 0.25:
         count = count // 2
     edges, thick = np.linspace(first, last, count + 1), rng.uniform(0.11, 0.19)
-    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        shape = cushion(
-            (start + 0.004, b.back, low - 0.02),
-            (end - 0.004, b.depth + 0.01, b.seat - rng.uniform(0, 0.03)),
-            0.14,
-            0.2 + b.softness / 2,
-        )
-        parts.append(solid(b.cover, shape))
-        if b.has_back_cushions:
-            tall = b.height - b.seat + rng.uniform(-0.06, 0.06)
-            rest = cushion(
-                (0.01, -thick / 2, 0),
-                (end - start - 0.01, thick / 2, tall),
-                0.25,
-                0.3 + b.softness / 2,
-            )
-            leaned = shifted(
-                tilted(rest, b.lean * rng.uniform(0.8, 1.2)),
-                start,
-                b.back + thick * 0.7,
-                b.seat - 0.02,
-            )
-            parts.append(solid(b.cover, leaned))
+    for start, end in itertools.pairwise(edges.tolist()):
+        # each sags a little differently
+        rear, front = (start + 0.004, b.back, low - 0.02), (end - 0.004, b.depth + 0.01)
+        top = b.seat - rng.uniform(0, 0.03)
+        parts.append(solid(b.cover, cushion(rear, (*front, top), 0.14, 0.2 + b.softness / 2)))
+        if not b.has_back_cushions:
+            continue
+
+        tall, half = b.height - b.seat + rng.uniform(-0.06, 0.06), thick / 2
+        high = (end - start - 0.01, half, tall)
+        rest = cushion((0.01, -half, 0), high, 0.25, 0.3 + b.softness / 2)
+        leaned = tilted(rest, b.lean * rng.uniform(0.8, 1.2))
+        placed = shifted(leaned, start, b.back + thick * 0.7, b.seat - 0.02)
+        parts.append(solid(b.cover, placed))
     return parts
 
 
@@ -215,25 +191,21 @@ def _chaise(build: _Build, side: float, width: float, rng: np.random.Generator) 
     """Make the long seat at one end, at times with a low wall along its outer side."""
     b, end = build, side * width / 2
     inner, reach = end - side * b.depth * 0.9, b.depth + rng.uniform(0.5, 0.95)
-    low, high = min(inner, end), max(inner, end)
-    body = cushion((low, b.depth - 0.04, b.foot), (high, reach, b.seat - 0.12), 0.1, 0.15)
-    top = cushion(
-        (low + 0.005, b.depth - 0.04, b.seat - 0.14),
-        (high - 0.005, reach + 0.01, b.seat),
-        0.15,
-        0.35,
-    )
-    feet = [
-        slanted((x, reach - 0.1, 0), (x, reach - 0.1, b.foot + 0.02), (0.045,) * 2)
-        for x in (low + 0.08, high - 0.08)
-    ]
+    low, high, near = min(inner, end), max(inner, end), b.depth - 0.04
+    body = cushion((low, near, b.foot), (high, reach, b.seat - 0.12), 0.1, 0.15)
+    upper = (high - 0.005, reach + 0.01, b.seat)
+    top = cushion((low + 0.005, near, b.seat - 0.14), upper, 0.15, 0.35)
+
+    y, thin = reach - 0.1, (0.045, 0.045)
+    feet = [slanted((x, y, 0), (x, y, b.foot + 0.02), thin) for x in (low + 0.08, high - 0.08)]
     parts = [solid(b.cover, body), solid(b.cover, top), *(solid(b.frame, foot) for foot in feet)]
+
+    # the arm goes on along it, or ends where the others do
     if b.arm and not b.is_slim:
         x0, x1 = sorted((end, end - side * b.arm))
         far = reach if rng.random() < 0.3 else b.depth
-        parts.append(
-            solid(b.cover, cushion((x0, 0.01, b.foot), (x1, far, b.arm_top), 0.12, b.softness))
-        )
+        wall = cushion((x0, 0.01, b.foot), (x1, far, b.arm_top), 0.12, b.softness)
+        parts.append(solid(b.cover, wall))
     return parts
 
 
@@ -243,12 +215,12 @@ def _pillows(build: _Build, width: float, count: int, rng: np.random.Generator) 
     cover = paint(_PILLOWS[rng.integers(len(_PILLOWS))], rng, "weave", 0.03)
     for _ in range(count):
         if rng.random() < 0.6:
-            pattern = _WEAVES[rng.integers(len(_WEAVES))]
-            cover = paint(
-                _PILLOWS[rng.integers(len(_PILLOWS))], rng, pattern, rng.uniform(0.03, 0.2)
-            )
+            pattern, colour = _WEAVES[rng.integers(len(_WEAVES))], rng.integers(len(_PILLOWS))
+            cover = paint(_PILLOWS[colour], rng, pattern, rng.uniform(0.03, 0.2))
         wide, tall = rng.uniform(0.36, 0.56), rng.uniform(0.3, 0.46)
         pad = cushion((-wide / 2, -0.065, 0), (wide / 2, 0.065, tall), 0.45, 0.5)
+
+        # upright as a rule
         x = rng.uniform(-1, 1) * max(width / 2 - b.arm - wide / 2, 0.02)
         if rng.random() < 0.8:
             place = shifted(tilted(pad, rng.uniform(0.2, 0.5)), x, b.back + 0.26, b.seat - 0.01)
@@ -264,18 +236,16 @@ def _blanket(build: _Build, width: float, rng: np.random.Generator) -> Part:
     b, wide = build, rng.uniform(0.35, 0.9)
     colour = _PILLOWS[rng.integers(len(_PILLOWS))]
     cover = paint(colour, rng, _WEAVES[rng.integers(len(_WEAVES))], rng.uniform(0.05, 0.25))
+
+    # its line from behind the back over the seat
     top, front = b.height + 0.05, b.back + (0.22 if b.has_back_cushions else 0.02)
-    profile = [
-        (0.03, top),
-        (front - 0.04, top),
-        (front + 0.06, b.seat + 0.06),
-        (b.depth - 0.05, b.seat + 0.025),
-    ]
+    profile = [(0.03, top), (front - 0.04, top), (front + 0.06, b.seat + 0.06)]
+    profile.append((b.depth - 0.05, b.seat + 0.025))
     if rng.random() < 0.5:
-        profile += [
-            (b.depth + 0.035, b.seat - 0.02),
-            (b.depth + 0.04, b.seat - rng.uniform(0.1, 0.25)),
-        ]
+        edge = (b.depth + 0.04, b.seat - rng.uniform(0.1, 0.25))
+        profile += [(b.depth + 0.035, b.seat - 0.02), edge]
+
+    # folds across it
     path = np.array(profile)
     along = np.linspace(-wide / 2, wide / 2, 9)
     x = along[:, None] + rng.normal(0, 0.02, (1, len(path)))

@@ -1,4 +1,4 @@
-"""What hangs on walls and ceilings: pictures, clocks, televisions, coat hooks, cable ducts, mirrors, projectors."""
+"""What hangs on walls and ceilings: pictures, clocks, coat hooks, mirrors, projectors."""
 
 from __future__ import annotations
 
@@ -15,48 +15,32 @@ def picture(style: Style, rng: np.random.Generator) -> list[Part]:
     """Framed picture, poster, calendar or notice."""
     width, height = rng.uniform(0.2, 1.2), rng.uniform(0.25, 0.9)
     face = paint(bright(rng), rng, "print", rng.uniform(0.1, 0.4))
-    if rng.random() < 0.4:
-        return [solid(face, boxes((-width / 2, 0, 0), (width / 2, 0.004, height)))]
-    wide, thick = rng.uniform(0.012, 0.05), rng.uniform(0.012, 0.035)
     w = width / 2
+    if rng.random() < 0.4:
+        return [solid(face, boxes((-w, 0, 0), (w, 0.004, height)))]
+
+    # below, above, left and right
+    wide, thick = rng.uniform(0.012, 0.05), rng.uniform(0.012, 0.035)
+    top, inner = height - wide, w - wide
     rim = boxes(
-        [(-w, 0, 0), (-w, 0, height - wide), (-w, 0, wide), (w - wide, 0, wide)],
-        [
-            (w, thick, wide),
-            (w, thick, height),
-            (-w + wide, thick, height - wide),
-            (w, thick, height - wide),
-        ],
+        [(-w, 0, 0), (-w, 0, top), (-w, 0, wide), (inner, 0, wide)],
+        [(w, thick, wide), (w, thick, height), (-inner, thick, top), (w, thick, top)],
     )
     frame = pick_wood(style, rng) if rng.random() < 0.5 else dark_or_light(rng)
-    return [
-        solid(frame, rim),
-        solid(face, boxes((-w + wide, 0, wide), (w - wide, thick * 0.5, height - wide))),
-    ]
+    sheet = boxes((-inner, 0, wide), (inner, thick * 0.5, top))
+    return [solid(frame, rim), solid(face, sheet)]
 
 
 def clock(style: Style, rng: np.random.Generator) -> list[Part]:
     """Wall clock."""
-    radius = rng.uniform(0.11, 0.19)
-    body = tilted(
-        lathe(
-            [
-                (0, 0),
-                (radius, 0),
-                (radius, 0.04),
-                (radius * 0.92, 0.045),
-                (radius * 0.9, 0.03),
-                (0, 0.03),
-            ],
-            20,
-        ),
-        -np.pi / 2,
-    )
-    hands = [
-        tilted(boxes((-0.005, -0.01, 0.032), (0.005, radius * size, 0.035)), -np.pi / 2)
-        for size in (0.5, 0.75)
-    ]
-    return [solid(dark_or_light(rng), body), solid(paint((20, 20, 22), rng), *hands)]
+    radius, parts = rng.uniform(0.11, 0.19), []
+    edge = [(0, 0), (radius, 0), (radius, 0.04)]
+    rim = [(radius * 0.92, 0.045), (radius * 0.9, 0.03), (0, 0.03)]
+    body = tilted(lathe([*edge, *rim], 20), -np.pi / 2)
+    for size in (0.5, 0.75):
+        hand = boxes((-0.005, -0.01, 0.032), (0.005, radius * size, 0.035))
+        parts.append(tilted(hand, -np.pi / 2))
+    return [solid(dark_or_light(rng), body), solid(paint((20, 20, 22), rng), *parts)]
 
 
 def wall_tv(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -71,25 +55,19 @@ def coat_hooks(style: Style, rng: np.random.Generator) -> list[Part]:
     """Rail of hooks with coats on it."""
     width, metal = rng.uniform(0.4, 1.2), pick_metal(style, rng)
     rail = boxes((-width / 2, 0, 1.0), (width / 2, 0.02, 1.08))
-    x = np.linspace(-width / 2 + 0.06, width / 2 - 0.06, max(int(width / 0.18), 2))
-    hooks = [
-        pipe(bend([(a, 0.02, 1.03), (a, 0.07, 1.02), (a, 0.07, 1.06)], 0.02), 0.006, 5) for a in x
-    ]
+    places = np.linspace(-width / 2 + 0.06, width / 2 - 0.06, max(int(width / 0.18), 2))
+    bent = [bend([(a, 0.02, 1.03), (a, 0.07, 1.02), (a, 0.07, 1.06)], 0.02) for a in places]
+    hooks = [pipe(path, 0.006, 5) for path in bent]
     parts = [solid(pick_wood(style, rng), rail), solid(metal, *hooks)]
-    for a in x[rng.random(len(x)) < 0.5]:
-        angle, down = np.meshgrid(
-            np.linspace(0, 2 * np.pi, 13), np.linspace(0, 1, 6), indexing="ij"
-        )
+
+    # coats hang in folds, from the shoulders down
+    angle, down = np.meshgrid(np.linspace(0, 2 * np.pi, 13), np.linspace(0, 1, 6), indexing="ij")
+    for a in places[rng.random(len(places)) < 0.5]:
         drop, fold = rng.uniform(0.6, 1.0), 1 + 0.15 * np.sin(4 * angle + rng.uniform(0, 6)) * down
         wide = (0.03 + 0.1 * np.minimum(1, 4 * down) + 0.03 * down) * fold
-        grid = np.stack(
-            [
-                a + wide * np.cos(angle),
-                0.09 + 0.055 * np.sin(angle) * fold * np.minimum(1, 3 * down + 0.3),
-                1.05 - drop * down,
-            ],
-            axis=-1,
-        )
+        x = a + wide * np.cos(angle)
+        y = 0.09 + 0.055 * np.sin(angle) * fold * np.minimum(1, 3 * down + 0.3)
+        grid = np.stack([x, y, 1.05 - drop * down], axis=-1)
         parts.append(solid(paint(bright(rng), rng, "weave", 0.03), shell(grid, 0.008)))
     return parts
 
@@ -118,13 +96,9 @@ def mirror(style: Style, rng: np.random.Generator) -> list[Part]:
     """Mirror."""
     w, h = rng.uniform(0.4, 1.0) / 2, rng.uniform(0.5, 1.0)
     face = boxes((-w, 0.006, 0), (w, 0.012, h))
-    return [
-        solid(paint((196, 206, 210), rng, "glass"), face),
-        solid(
-            paint((160, 160, 162), rng, "metal"),
-            boxes((-w * 0.9, 0, 0.02), (w * 0.9, 0.006, h - 0.02)),
-        ),
-    ]
+    rear = boxes((-w * 0.9, 0, 0.02), (w * 0.9, 0.006, h - 0.02))
+    glass, metal = paint((196, 206, 210), rng, "glass"), paint((160, 160, 162), rng, "metal")
+    return [solid(glass, face), solid(metal, rear)]
 
 
 def ceiling_projector(style: Style, rng: np.random.Generator) -> list[Part]:
