@@ -1,4 +1,4 @@
-"""The sparse U-Net: what it says about windows, folded or not, on every device."""
+"""The sparse U-Net: what it says about windows, on every device, and what it can learn."""
 
 import copy
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.networks import sparse
 from mcpseg_cli.networks.sparse import find_neighbours, make_levels
 from mcpseg_cli.networks.unet import (
@@ -14,10 +13,9 @@ from mcpseg_cli.networks.unet import (
     NUM_INPUTS,
     NUM_LEVELS,
     UNet,
-    fold,
     forward_pairs,
 )
-from mcpseg_cli.networks.weights import NETWORKS, WeightsInfo, build_network
+from mcpseg_cli.networks.weights import NETWORKS
 from tests.networks.test_sparse import FAR, make_window
 
 
@@ -27,21 +25,6 @@ def _one_thread():
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
-
-
-@pytest.fixture(scope="module")
-def network() -> UNet:
-    """Random parameters, and norms that are not the identity; not to be changed."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(5)
-        made = build_network(WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)).eval()
-        for module in made.modules():
-            if isinstance(module, torch.nn.BatchNorm1d):
-                torch.nn.init.uniform_(module.weight, 0.5, 1.5)
-                torch.nn.init.normal_(module.bias, std=0.2)
-                module.running_mean.normal_(std=0.2)
-                module.running_var.uniform_(0.5, 2)
-    return made
 
 
 def inputs_of(voxel: np.ndarray, seed: int = 0) -> torch.Tensor:
@@ -58,9 +41,9 @@ def assert_alike(one, other, tolerance: float = 1e-4) -> None:
         torch.testing.assert_close(ours, theirs, atol=tolerance, rtol=tolerance)
 
 
-def test_it_gives_what_it_claims(network):
+def test_it_gives_what_it_claims(unet):
     voxel = make_window(1)
-    logits, embedding = judge(network, voxel, inputs_of(voxel))
+    logits, embedding = judge(unet, voxel, inputs_of(voxel))
     assert NETWORKS["unet"].sees_windows
     assert NETWORKS["unet"].has_embedding
     assert logits.shape == (len(voxel), 13)
@@ -68,98 +51,67 @@ def test_it_gives_what_it_claims(network):
     torch.testing.assert_close(embedding.norm(dim=1), torch.ones(len(voxel)))
 
 
-def test_windows_that_are_far_apart_do_not_see_each_other(network):
+def test_windows_that_are_far_apart_do_not_see_each_other(unet):
     one, other = make_window(1), make_window(2, 400, width=12)
     inputs = inputs_of(one, 1), inputs_of(other, 2)
-    both = judge(network, np.concatenate([one, other + FAR]), torch.cat(inputs))
+    both = judge(unet, np.concatenate([one, other + FAR]), torch.cat(inputs))
     for part, voxel, own in ((slice(len(one)), one, 0), (slice(len(one), None), other, 1)):
-        assert_alike([each[part] for each in both], judge(network, voxel, inputs[own]))
+        assert_alike([each[part] for each in both], judge(unet, voxel, inputs[own]))
 
 
-def test_the_order_of_voxels_does_not_matter(network):
+def test_the_order_of_voxels_does_not_matter(unet):
     voxel = make_window(3)
     inputs, order = inputs_of(voxel), np.random.default_rng(0).permutation(len(voxel))
-    whole = judge(network, voxel, inputs)
-    shuffled = judge(network, voxel[order], inputs[order])
+    whole = judge(unet, voxel, inputs)
+    shuffled = judge(unet, voxel[order], inputs[order])
     assert_alike(shuffled, [each[order] for each in whole])
 
 
-def test_a_move_by_voxels_of_the_coarsest_level_changes_nothing(network):
+def test_a_move_by_voxels_of_the_coarsest_level_changes_nothing(unet):
     voxel = make_window(4)
     inputs = inputs_of(voxel)
-    moved = judge(network, voxel + np.array([16, -32, 160], np.int32), inputs)
-    assert_alike(moved, judge(network, voxel, inputs), 0.0)
+    moved = judge(unet, voxel + np.array([16, -32, 160], np.int32), inputs)
+    assert_alike(moved, judge(unet, voxel, inputs), 0.0)
 
 
-def test_what_a_voxel_is_called_depends_on_what_is_metres_away(network):
+def test_what_a_voxel_is_called_depends_on_what_is_metres_away(unet):
     line = np.stack([np.arange(40), np.zeros(40), np.zeros(40)], axis=1).astype(np.int32)
     inputs = inputs_of(line)
     changed = inputs.clone()
     changed[-1] += 3
-    before, after = judge(network, line, inputs), judge(network, line, changed)
+    before, after = judge(unet, line, inputs), judge(unet, line, changed)
     assert not torch.equal(before.logits[5], after.logits[5])
 
 
 @pytest.mark.parametrize("count", [1, 2, 17])
-def test_small_windows_are_labelled(network, count):
+def test_small_windows_are_labelled(unet, count):
     voxel = make_window(6, count, width=20)
-    assert torch.isfinite(judge(network, voxel, inputs_of(voxel)).logits).all()
+    assert torch.isfinite(judge(unet, voxel, inputs_of(voxel)).logits).all()
 
 
-def test_folded_it_says_the_same(network):
-    voxel = make_window(7, 500)
-    before = copy.deepcopy(network.state_dict())
-    whole = judge(network, voxel, inputs_of(voxel))
-    folded = judge(fold(network, "fp32"), voxel, inputs_of(voxel))
-    assert_alike(folded, whole)
-    assert torch.equal(folded.logits.argmax(dim=1), whole.logits.argmax(dim=1))
-    assert all(torch.equal(before[name], each) for name, each in network.state_dict().items())
-
-
-def test_in_bf16_it_says_nearly_the_same(network):
-    voxel = make_window(7, 500)
-    whole = judge(network, voxel, inputs_of(voxel))
-    halved = judge(fold(network, "bf16"), voxel, inputs_of(voxel))
-    assert halved.logits.dtype == halved.embedding.dtype == torch.float32
-    spread = whole.logits.std()
-    assert (halved.logits - whole.logits).abs().mean() < 0.05 * spread
-    assert (halved.logits.argmax(dim=1) == whole.logits.argmax(dim=1)).float().mean() > 0.9
-    assert (halved.embedding * whole.embedding).sum(dim=1).min() > 0.95
-
-
-def test_in_plain_torch_it_says_the_same_as_in_numba(network, monkeypatch):
+def test_in_plain_torch_it_says_the_same_as_in_numba(unet, monkeypatch):
     voxel = make_window(8, 500)
-    ours = judge(network, voxel, inputs_of(voxel))
+    ours = judge(unet, voxel, inputs_of(voxel))
 
     def forward(layer, features, level):
         return sparse.sum_neighbours(features, level.neighbours, layer.weight)
 
     monkeypatch.setattr(sparse.DepthwiseConv, "forward", forward)  # as on other devices
-    assert_alike(judge(network, voxel, inputs_of(voxel)), ours)
+    assert_alike(judge(unet, voxel, inputs_of(voxel)), ours)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
-def test_a_gpu_says_the_same(network):
+def test_a_gpu_says_the_same(unet):
     voxel, device = make_window(8, 500), torch.device("cuda")
     levels = [level.to(device) for level in make_levels(voxel, NUM_LEVELS)]
     with torch.inference_mode():
-        there = copy.deepcopy(network).to(device)(inputs_of(voxel).to(device), levels)
-    whole = judge(network, voxel, inputs_of(voxel))
+        there = copy.deepcopy(unet).to(device)(inputs_of(voxel).to(device), levels)
+    whole = judge(unet, voxel, inputs_of(voxel))
     assert_alike([each.cpu() for each in there], whole, 1e-3)
 
 
-def test_one_and_two_threads_say_the_same_about_a_large_window(network):
-    voxel = make_window(9, 4000, width=16)
-    inputs, answers = inputs_of(voxel), []
-    for threads in (1, 2):
-        torch.set_num_threads(threads)
-        answers.append(judge(fold(network, "fp32"), voxel, inputs))
-    torch.set_num_threads(1)
-    assert_alike(*answers, tolerance=0.0)
-
-
-def test_training_reaches_every_parameter(network):
-    fresh, voxel = copy.deepcopy(network).train(), make_window(10, 600)
+def test_training_reaches_every_parameter(unet):
+    fresh, voxel = copy.deepcopy(unet).train(), make_window(10, 600)
     levels = make_levels(voxel, NUM_LEVELS)
     output = fresh(inputs_of(voxel), levels)
     one, other = forward_pairs(levels[0].neighbours)
@@ -171,8 +123,8 @@ def test_training_reaches_every_parameter(network):
             assert parameter.grad.abs().sum() > 0, name
 
 
-def test_a_few_steps_of_adam_learn_a_window_by_heart(network):
-    fresh, voxel = copy.deepcopy(network).train(), make_window(11, 300)
+def test_a_few_steps_of_adam_learn_a_window_by_heart(unet):
+    fresh, voxel = copy.deepcopy(unet).train(), make_window(11, 300)
     levels, inputs = make_levels(voxel, NUM_LEVELS), inputs_of(voxel)
     semantic = torch.from_numpy((voxel[:, 0] > 0) + 2 * (voxel[:, 1] > 0)).long()
     optimiser = torch.optim.Adam(fresh.parameters(), lr=3e-3)
@@ -184,8 +136,8 @@ def test_a_few_steps_of_adam_learn_a_window_by_heart(network):
     assert (logits.argmax(dim=1) == semantic).float().mean() > 0.9
 
 
-def test_points_as_similar_as_even_similarity_are_as_likely_of_one_object_as_of_two(network):
-    changed = copy.deepcopy(network)
+def test_points_as_similar_as_even_similarity_are_as_likely_of_one_object_as_of_two(unet):
+    changed = copy.deepcopy(unet)
     for even, steepness in ((3.0, 4.0), (0.5, 1.0), (2.0, 7.0)):
         changed.affine.data = torch.tensor([even, steepness])
         similarity = changed.even_similarity()
@@ -196,8 +148,8 @@ def test_points_as_similar_as_even_similarity_are_as_likely_of_one_object_as_of_
         assert changed.affinity(one, -one).item() < 0
 
 
-def test_a_similarity_that_no_pair_has_is_cut_to_the_range_of_cosines(network):
-    changed = copy.deepcopy(network)
+def test_a_similarity_that_no_pair_has_is_cut_to_the_range_of_cosines(unet):
+    changed = copy.deepcopy(unet)
     changed.affine.data = torch.tensor([50.0, 1.0])
     assert changed.even_similarity() == -1
     changed.affine.data = torch.tensor([-1.0, 1.0])
