@@ -122,8 +122,8 @@ def train(
     them); NAME.checkpoint is there until training is done. Ctrl-C stops after the step at hand.
 
     \b
-    A settings file has tables [train], [samples] and [augment], whose settings NAME.toml lists, and
-    [checkpoint]:
+    A settings file has tables [train], [samples], [augment] and, for the U-Net, [windows], whose
+    settings NAME.toml lists, and [checkpoint]:
       [train]
       warm_up = 0.1           # epochs over which the learning rate rises
       class_balance = "sqrt"  # errors on rare classes cost more
@@ -143,6 +143,7 @@ def train(
     \b
     Examples:
       mcpseg train --holdout 6
+      mcpseg train data/ --holdout 6 --net unet
       mcpseg train data/ --holdout all --net voxnet -o trained/
       mcpseg train scans/ --holdout none -w mcpnet-holdout6.safetensors --classes mine.csv
       mcpseg train data/ --config trained/mcpnet-holdout6.toml --seed 1 -o again/

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings
+from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import StateError
 from mcpseg_cli.resumable import check_same, write_whole
 from mcpseg_cli.train.progress import EpochReport, TrainState
@@ -18,6 +18,7 @@ _METADATA = "mcpseg-checkpoint"
 _FORMAT = 1
 
 _TABLES: dict[str, type[BaseModel]] = {
+    "windows": WindowSettings,
     "train": TrainSettings,
     "samples": SampleSettings,
     "augment": AugmentSettings,
@@ -26,18 +27,22 @@ _OPTIONS = {
     "architecture", "epochs", "learning_rate", "schedule", "batch_size", "precision", "seed",
     "num_context", "local_range",
 }  # fmt: skip
-_NAMES = {
-    "classes": "set of classes",
-    "class_table": "class table",
-    "training_areas": "set of training areas",
-    "validation_areas": "set of held-out areas",
-    "processes": "number of processes",
-} | {
-    name: f"[{table}] {name}"
-    for table, settings in _TABLES.items()
-    for name in settings.model_fields
-    if name not in _OPTIONS
-}
+_NAMES = (
+    {
+        "classes": "set of classes",
+        "class_table": "class table",
+        "training_areas": "set of training areas",
+        "validation_areas": "set of held-out areas",
+        "processes": "number of processes",
+    }
+    | {
+        name: f"[{table}] {name}"
+        for table, settings in _TABLES.items()
+        for name in settings.model_fields
+        if name not in _OPTIONS
+    }
+    | {"voxel_size": "[samples] or [windows] voxel_size"}
+)
 """What is called otherwise than by an option; settings without one by their place in the file."""
 
 _NETWORK, _BEST, _OPTIMISER, _SUMS = "network.", "best.", "optimiser.", "sums"

@@ -20,11 +20,13 @@ def model_card(record: TrainRecord) -> str:
         record: From ``TrainRun.write_results``.
     """
     identity = record.identity
-    groups = (
+    groups = [
         ("training", identity.settings),
         ("samples", identity.samples),
         ("augmentation", identity.augmentation),
-    )
+    ]
+    if identity.settings.architecture == "unet":
+        groups.append(("windows", identity.windows))
     parts = [
         f"# {record.name}",
         _introduction(record),
@@ -55,6 +57,8 @@ def _facts(record: TrainRecord) -> list[tuple[str, str]]:
     """Say in short lines what the weights are and come from."""
     identity, samples = record.identity, record.identity.samples
     context = f"{samples.num_context} context points, `{samples.context_window}`"
+    if not samples.num_context:
+        context = "whole windows of the map"
     chosen = "chosen by validation" if record.validation else "the last"
     rows = [
         ("file", f"`{record.name}.safetensors`, {record.bytes:,} bytes"),

@@ -315,8 +315,9 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
             if file.attrs["fingerprint"] != fingerprint.encode():
                 return False
             checksums = json.loads(file.attrs["crc32"])
+            streams = _STREAMS if "voxel" in file else _STREAMS[-1:]
             return all(
-                _checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *_STREAMS)
+                _checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *streams)
             )
     except _DAMAGE:
         return False

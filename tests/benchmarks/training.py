@@ -49,7 +49,7 @@ class Stepper:
         total = self.objective.total(outcome)
         total.backward()
         self.optimiser.step()
-        self.tally.add(outcome, total, batch)
+        self.tally.add(outcome, total, batch.semantic)
         return 1e3 * (perf_counter() - started)
 
 

@@ -389,7 +389,7 @@ def test_bad_data_is_one_line(tmp_path):
     [
         ("--lr", "--lr: Input should be greater than 0"),
         ("--range", "--range: Input should be greater than 0"),
-        ("--context", "--context: Input should be greater than or equal to 1"),
+        ("--context", "--context: Input should be greater than or equal to 0"),
         ("--batch-size", "--batch-size: Input should be greater than or equal to 2"),
     ],
 )

@@ -129,3 +129,31 @@ def test_restoring_two_points_of_one_voxel_is_refused():
 
 def test_halves_round_upwards_on_both_sides_of_zero():
     assert voxel_of(np.array([[0.5, -0.5, 1.5]], np.float32), 1.0).tolist() == [[1, 0, 2]]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    num_points=st.integers(0, 400),
+    radius=st.floats(0.01, 4),
+    height=st.floats(0.05, 3),
+)
+def test_the_voxels_near_a_place_are_those_a_search_one_by_one_finds(
+    seed, num_points, radius, height
+):
+    table = filled(random_points(seed, num_points))[0]
+    position = random_points(seed + 1, 1)[0].astype(np.float64)
+    found = table.near(position, radius, height)
+    assert found.dtype == np.int32
+    assert (np.diff(found) > 0).all()
+
+    # all that are in range, and none that is farther: blocks of four voxels reach over the height
+    away = np.hypot(*(table.xyz[:, :2] - position[:2]).T)
+    above = np.abs(table.xyz[:, 2] - position[2])
+    surely = np.flatnonzero((away < radius - 1e-5) & (above < height - 1e-5))
+    perhaps = np.flatnonzero((away < radius + 1e-5) & (above < height + 0.6))
+    assert set(surely) <= set(found) <= set(perhaps)
+
+
+def test_nothing_is_near_in_an_empty_map():
+    assert VoxelMap(0.1).near(np.zeros(3), 5.0, 8.0).tolist() == []

@@ -1,4 +1,7 @@
-"""What every network promises to training and the segmenter; steps of PointNet++ and VoxNet."""
+"""What every network of batches promises to training and the segmenter; steps of some of them.
+
+The one that sees windows has a module of its own: ``test_unet.py``.
+"""
 
 from typing import get_args
 
@@ -19,7 +22,7 @@ from mcpseg_cli.train.losses import (
     triplet_semihard_loss,
 )
 
-ARCHITECTURES = get_args(Architecture)
+ARCHITECTURES = [name for name in get_args(Architecture) if not NETWORKS[name].sees_windows]
 POINTS = 60
 
 

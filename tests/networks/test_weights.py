@@ -74,10 +74,11 @@ def test_the_tensors_of_another_network_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("architecture", get_args(Architecture))
-def test_weights_files_stay_below_a_megabyte(tmp_path, architecture):
+def test_weights_files_are_small(tmp_path, architecture):
+    most = 6_000_000 if architecture == "unet" else 1_000_000  # bytes
     info = WeightsInfo(architecture=architecture, classes=S3DIS_CLASSES)
     save_weights(tmp_path / "w.safetensors", build_network(info), info)
-    assert (tmp_path / "w.safetensors").stat().st_size < 1_000_000
+    assert (tmp_path / "w.safetensors").stat().st_size < most
 
 
 def test_weights_with_nan_are_refused(tmp_path):

@@ -18,11 +18,11 @@ from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.checkpoint import read_checkpoint, write_checkpoint
 from mcpseg_cli.train.fine_tuning import adopt
-from mcpseg_cli.train.objective import Outcome, TensorBatch
+from mcpseg_cli.train.objective import TensorBatch
 from mcpseg_cli.train.prefetch import ahead
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.schedule import balance, learning_rate
-from mcpseg_cli.train.scores import Tally, nearest_is_of_same_object
+from mcpseg_cli.train.scores import Outcome, Tally, nearest_is_of_same_object
 from mcpseg_cli.train.trainer import Trainer
 
 NUM_CLASSES = 4
@@ -323,12 +323,11 @@ def test_scores_equal_those_counted_point_by_point():
     )
     for part in (slice(0, 120), slice(120, 200)):
         logits = torch.nn.functional.one_hot(torch.tensor(predicted[part]), NUM_CLASSES).float()
-        batch = TensorBatch(logits, None, torch.tensor(true[part]), torch.tensor(instance[part]))
-        tally.add(
-            Outcome(torch.tensor([1.0, 2.0, 0.0]), logits, embedding[part]),
-            torch.tensor(3.0),
-            batch,
-        )
+        objects = torch.tensor(instance[part])
+        has_object = objects > 0
+        right = nearest_is_of_same_object(embedding[part][has_object], objects[has_object])
+        outcome = Outcome(torch.tensor([1.0, 2.0, 0.0]), logits, right)
+        tally.add(outcome, torch.tensor(3.0), torch.tensor(true[part]))
     scores = tally.scores()
     known = true != 255
     iou = [
