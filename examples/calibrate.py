@@ -2,9 +2,8 @@
 
     python examples/calibrate.py unet-holdout9.safetensors data/ --holdout 9 -o calibrated.safetensors
 
-The areas held out must be those that the weights have not seen. Only networks that see windows
-have a temperature; with the settings written beside the weights (``--config``) windows are as they
-were in training.
+The areas held out must be those that the weights have not seen; with the settings written beside
+the weights (``--config``) windows are as they were in training.
 """
 
 import argparse
@@ -17,7 +16,7 @@ from mcpseg_cli.config import WINDOW_SAMPLES, SampleSettings
 from mcpseg_cli.errors import InputError, McpsegError
 from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import find_weights, load_weights, save_weights
-from mcpseg_cli.train.calibration import MOST_BATCHES, Calibration, calibrate
+from mcpseg_cli.train.calibration import Calibration, calibrate
 from mcpseg_cli.train.fold_data import DataSettings, prepare
 from mcpseg_cli.train.folds import find_areas, make_folds
 from mcpseg_cli.train.settings_file import SettingsFile, read_settings
@@ -32,12 +31,11 @@ def calibrate_file(arguments: argparse.Namespace, device: torch.device) -> Calib
     """
     weights = load_weights(find_weights(arguments.weights))
     if not weights.network.sees_windows:
-        found = f"weights of {weights.info.architecture}"
-        raise InputError(arguments.weights, found, "a network that sees windows", "leave them")
+        expected = "a network that sees windows"
+        raise InputError(arguments.weights, weights.info.architecture, expected, "leave it")
     file = read_settings(arguments.config) if arguments.config else SettingsFile()
-    samples = SampleSettings.model_validate(
-        {**WINDOW_SAMPLES, **file.samples.model_dump(exclude_unset=True)}
-    )
+    given = file.samples.model_dump(exclude_unset=True)
+    samples = SampleSettings.model_validate(WINDOW_SAMPLES | given)
     data = DataSettings(samples, file.augment, file.windows, file.classes, arguments.cache)
 
     # windows of what is held out, as validation draws them
@@ -49,7 +47,7 @@ def calibrate_file(arguments: argparse.Namespace, device: torch.device) -> Calib
         windows_per_batch=size, settings=data.windows, augmentation=None, seed=file.train.seed,
     )  # fmt: skip
 
-    found_out = calibrate(weights.network.to(device), held_out, device, arguments.batches)
+    found_out = calibrate(weights.network.to(device), held_out, device)
     if found_out is None:
         raise InputError(arguments.data, "no voxel of known class", "labelled areas", "check it")
     info = weights.info.model_copy(update={"temperature": found_out.temperature})
@@ -67,16 +65,16 @@ def main() -> None:
     parser.add_argument("--holdout", type=int, required=True, help="number of the held-out areas")
     parser.add_argument("--config", type=Path, help="settings that the weights were trained with")
     parser.add_argument("--cache", type=Path, help="folder of prepared samples")
-    parser.add_argument("--batches", type=int, default=MOST_BATCHES, help="most windows, in pairs")
     parser.add_argument("-o", "--output", type=Path, required=True, help="weights to write")
     parser.add_argument("--device", default="cpu")
+
     arguments = parser.parse_args()
     try:
         made = calibrate_file(arguments, find_device(arguments.device))
     except McpsegError as error:
         sys.exit(f"calibrate: {error}")
-    print(f"{arguments.output}: temperature {made.temperature:g}, calibration error "
-          f"{made.error_before:.4f} before, {made.error:.4f} after")  # fmt: skip
+    errors = f"calibration error {made.error_before:.4f} before, {made.error:.4f} after"
+    print(f"{arguments.output}: temperature {made.temperature:g}, {errors}")
 
 
 if __name__ == "__main__":

@@ -75,5 +75,5 @@ def measure_reliability(
     return Reliability(
         np.bincount(number, minlength=num_bins),
         np.bincount(number[is_right], minlength=num_bins),
-        np.bincount(number, confidence, num_bins),
+        np.bincount(number, confidence, num_bins).astype(np.float64),
     )
