@@ -10,6 +10,7 @@ command. A room is a folder, or a file of the ground. The ground imports only th
     grid          the one rounding rule: which voxel a coordinate falls into
     scan          the records of a scan and of its labels
     building      the record of a labelled building
+    reliability   whether confidence is the share that is right
     resumable     work that survives being cut short: whole files, one writer, the same request
 
 A folder imports the ground and the rooms named with it, never upward:

@@ -9,7 +9,9 @@ from pathlib import Path
 import mcpseg_cli
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
-GROUND = {"choices", "errors", "config", "classes", "grid", "scan", "building", "resumable"}
+GROUND = {
+    "choices", "errors", "config", "classes", "grid", "scan", "building", "reliability", "resumable",
+}  # fmt: skip
 MAY_IMPORT = {
     **dict.fromkeys(GROUND, GROUND),
     "networks": GROUND,

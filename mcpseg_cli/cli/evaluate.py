@@ -40,7 +40,8 @@ def evaluate(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Also draw confusion matrix, IoU by class and mIoU over the scans (PNG).",
+            help="Also draw confusion matrix, IoU by class, reliability of confidence and mIoU over "
+            "the scans (PNG).",
         ),
     ] = None,
     quiet: Quiet = False,
@@ -149,12 +150,20 @@ def _print(
 
 
 def _draw(folder: Path, runs: list[Scores]) -> None:
-    """Draw the pictures: of several runs, the sum of their confusion matrices and all curves."""
-    from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans
+    """Draw the pictures: of several runs, their points together and all curves."""
+    from mcpseg_cli.evaluate.plots import (
+        plot_class_iou,
+        plot_confusion,
+        plot_over_scans,
+        plot_reliability,
+    )
+    from mcpseg_cli.evaluate.pooled import pool_reliability
 
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
     plot_confusion(folder / "confusion_matrix.png", confusion, runs[0].classes, runs[0].unit)
     plot_class_iou(folder / "class_iou.png", confusion, runs[0].classes)
+    if reliability := pool_reliability(runs):
+        plot_reliability(folder / "reliability.png", reliability, runs[0].unit)
     scanned = {str(run.output): run.scan_by_scan for run in runs}
     curves = {name: scans.curve for name, scans in scanned.items() if scans and scans.curve}
     if curves:

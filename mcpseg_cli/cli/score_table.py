@@ -44,8 +44,8 @@ _SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ),
     (
         "classes (unit: {unit}, {over}; "
-        "absent classes count 0 in miou, are left out of miou_present)",
-        ("point_accuracy", "mean_class_accuracy", "miou", "miou_present", "iou."),
+        "absent classes count 0 in miou, are left out of miou_present; of ece, less is better)",
+        ("point_accuracy", "mean_class_accuracy", "miou", "miou_present", "ece", "iou."),
     ),
     ("clusters ({over}; {unit}s of true objects, classes ignored)", _CLUSTERS),
     ("objects ({over}; IoU over 0.5 and same class)", _OBJECTS),

@@ -28,8 +28,11 @@ from mcpseg_cli.cli.options import (
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
+    from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
+    from mcpseg_cli.formats.recording import ScanFile
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+    from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
@@ -69,13 +72,14 @@ def segment(
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
     local_range: Annotated[
-        float,
+        str | None,
         typer.Option(
             "--range",
-            metavar="METRES",
-            help="Label points up to this far from the robot, horizontally.",
+            metavar="METRES|auto",
+            help="Label points up to this far from the robot, horizontally; auto: found from the "
+            "first scans, 2.5 to 5.  [default: 2.0; of the U-Net, auto]",
         ),
-    ] = 2.0,
+    ] = None,
     similarity: Annotated[
         float | None,
         typer.Option(
@@ -131,6 +135,7 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
+    is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
 
@@ -145,6 +150,11 @@ def segment(
     from mcpseg_cli.segment.run_record import RunOptions
 
     opened = open_method(method, weights)
+    found = "as given" if local_range is not None else "the default"
+    if is_auto or (local_range is None and _sees_rooms(opened)):
+        kept = None if overwrite else output
+        distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
+        settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
     options = RunOptions(frame, format, on_error, offline, sys.argv)
 
@@ -159,16 +169,43 @@ def segment(
         tally = _label_pending(
             run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
         )
-        _warn_of_far_points(tally, local_range, quiet=quiet)
+        _warn_of_far_points(tally, settings.local_range, quiet=quiet)
 
         if as_json:
             typer.echo(json.dumps(_document(run, tally)))
         else:
-            _print_summary(run, tally, verbose=verbose)
+            _print_summary(run, tally, range_from=found, verbose=verbose)
 
     if interrupt.asked and len(run.records) < len(recording):
         _tell_how_to_continue(len(run.records), len(recording))
         raise typer.Exit(130)
+
+
+def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
+    """Tell whether a method is one that learned to see at more than one range."""
+    from mcpseg_cli.networks.weights import Weights
+
+    return isinstance(method, Weights) and method.network.sees_windows
+
+
+def _find_range(
+    recording: list[ScanFile],
+    frame: Frame,
+    settings: SegmentSettings,
+    kept: Path | None,
+    *,
+    quiet: bool,
+) -> tuple[float, str]:
+    """Find the range that serves the sensor, and say so; a run that is continued keeps its own."""
+    from mcpseg_cli.cli.display import notice
+    from mcpseg_cli.segment.sensor import first_scans, guess_range, kept_range
+
+    before = kept_range(kept) if kept else None
+    if before is not None:
+        return before, "as the run was begun"
+    distance, found = guess_range(first_scans(recording, frame, settings.voxel_size))
+    notice(f"mcpseg: range {distance:g} m: {found}; --range changes it", quiet=quiet)
+    return distance, found
 
 
 def _live_map(target: str, segmenter: IncrementalSegmenter) -> LiveMap:
@@ -297,7 +334,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
     }
 
 
-def _print_summary(run: SegmentRun, tally: _Tally, *, verbose: bool) -> None:
+def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: bool) -> None:
     """Print what a run did as a table."""
     from mcpseg_cli.cli.display import print_table
 
@@ -310,6 +347,7 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, verbose: bool) -> None:
         rows.append(("skipped", ", ".join(skipped)))
 
     # the map
+    rows.append(("range", f"{run.segmenter.settings.local_range:g} m, {range_from}"))
     if tally.points:
         rows.append(("points labelled", f"{tally.points_labelled:,} of {tally.points:,}"))
     rows.append(("voxels", f"{len(run.segmenter.map):,}"))

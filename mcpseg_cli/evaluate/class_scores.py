@@ -1,4 +1,4 @@
-"""Agreement of classes (IV-A, table I): confusion matrix, IoU and accuracy; truth first."""
+"""Agreement of classes (IV-A, table I): confusion matrix, IoU, accuracy, calibration; truth first."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mcpseg_cli.classes import UNKNOWN
+from mcpseg_cli.reliability import Reliability, measure_reliability
+
+_ROUNDING = 1e-3  # of probabilities, which float16 may round up
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,34 @@ def confusion_matrix(
     return np.bincount(flat, minlength=num_classes * (num_classes + 1)).reshape(
         num_classes, num_classes + 1
     )
+
+
+def score_confidence(
+    labels_true: NDArray[np.integer],
+    labels_pred: NDArray[np.integer],
+    confidence: NDArray[np.float64] | None,
+    num_classes: int,
+) -> Reliability | None:
+    """Compare confidence with the share of right classes, where both sides have a class.
+
+    Args:
+        labels_true: (N,) class index, 255 unknown.
+        labels_pred: (N,) class index; values from ``num_classes`` on are none.
+        confidence: (N,), if known.
+        num_classes: C.
+
+    Returns:
+        The bins; None without such a point, or without confidence that can be probabilities.
+    """
+    known = (labels_true != UNKNOWN) & (labels_pred < num_classes)
+    if confidence is None or not known.any() or not is_probability(confidence):
+        return None
+    return measure_reliability(confidence[known], (labels_true == labels_pred)[known])
+
+
+def is_probability(confidence: NDArray[np.float64]) -> bool:
+    """Tell whether all values can be probabilities; other programs write percent, or logits."""
+    return bool(((confidence >= 0) & (confidence <= 1 + _ROUNDING)).all())
 
 
 def intersection_over_union(confusion: NDArray[np.int64]) -> NDArray[np.float64]:

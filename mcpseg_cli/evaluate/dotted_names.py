@@ -7,7 +7,7 @@ from collections.abc import Mapping
 Metric = float | int | str | None
 """The value of a metric, or a word beside them; None where there is no value."""
 
-_LESS_IS_BETTER = ("cluster_ratio", "ms_per_scan", "stability")
+_LESS_IS_BETTER = ("cluster_ratio", "ece", "ms_per_scan", "stability")
 
 
 def flatten(document: Mapping[str, object], prefix: str = "") -> dict[str, Metric]:

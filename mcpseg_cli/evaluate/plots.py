@@ -1,4 +1,4 @@
-"""Pictures of scores: confusion matrix, IoU by class, mean IoU over the scans."""
+"""Pictures of scores: confusion matrix, IoU by class, reliability, mean IoU over the scans."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.evaluate.class_scores import score_classes
 from mcpseg_cli.evaluate.score_curve import ScoreCurve
+from mcpseg_cli.reliability import Reliability
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,6 +126,46 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
     axes.set(ylim=(0.0, 1.06), ylabel="IoU")
     figure.legend(loc="outside upper center", ncols=2, fontsize=9, frameon=False)
     _tidy(axes)
+    _save(figure, path)
+
+
+def plot_reliability(path: Path, reliability: Reliability, unit: str) -> None:
+    """Draw the accuracy in each bin over confidence, and what share of all is in it, as PNG.
+
+    Args:
+        path: The picture; replaced if there.
+        reliability: At least one label in any bin.
+        unit: What is counted, such as ``voxel``.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.4, 6.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    width = 1 / len(reliability.count)
+    left = np.arange(len(reliability.count)) * width
+
+    # accuracy, and where it would be if confidence were what it says
+    heights = np.nan_to_num(reliability.accuracy)
+    upper.bar(left, heights, width, align="edge", color=_BLUE, edgecolor="white", zorder=2)
+    upper.plot(
+        reliability.mean_confidence, reliability.mean_confidence, "o", color=_RED, markersize=4,
+        label="mean confidence", zorder=4,
+    )  # fmt: skip
+    upper.plot([0, 1], [0, 1], color=_GREY, linewidth=1.0, linestyle="--", zorder=3)
+    upper.set(xlim=(0, 1), ylim=(0, 1), ylabel="share of right classes")
+    error = reliability.expected_error or 0.0
+    upper.set_title(f"Expected calibration error {error:.3f}", fontsize=11)
+    upper.legend(fontsize=9, loc="upper left", frameon=False)
+
+    # how many there are
+    share = 100 * reliability.count / max(int(reliability.count.sum()), 1)
+    lower.bar(left, share, width, align="edge", color=_GREY, edgecolor="white", zorder=2)
+    lower.set(xlabel="confidence", ylabel=f"% of {unit}s")
+    _tidy(upper)
+    _tidy(lower)
     _save(figure, path)
 
 

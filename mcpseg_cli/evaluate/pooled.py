@@ -11,6 +11,7 @@ from mcpseg_cli.evaluate.object_scores import score_objects
 from mcpseg_cli.evaluate.overlaps import join_overlaps
 from mcpseg_cli.evaluate.room_scores import RoomScores
 from mcpseg_cli.evaluate.run import PointCounts, Scores
+from mcpseg_cli.reliability import Reliability
 
 
 def pool(runs: Sequence[Scores]) -> dict[str, object]:
@@ -20,7 +21,8 @@ def pool(runs: Sequence[Scores]) -> dict[str, object]:
         runs: At least one, all in the same class table.
 
     Returns:
-        Counts as sums, class metrics of the sum of the confusion matrices, and object metrics over
+        Counts as sums, class metrics of the sum of the confusion matrices, calibration of all
+        points (where all runs have confidence), and object metrics over
         the objects of all runs, which match within their run (under ``rooms``, where all runs have
         rooms, within their room). Agreement as clusters is not pooled: that between runs is given
         by how they are put together.
@@ -31,6 +33,7 @@ def pool(runs: Sequence[Scores]) -> dict[str, object]:
     counts = {name: sum(getattr(run.counts, name) for run in runs) for name in names}
     confusion = sum((run.confusion for run in runs[1:]), runs[0].confusion)
     overlaps = join_overlaps([run.overlaps for run in runs])
+    together = pool_reliability(runs)
 
     rooms = [run.rooms for run in runs if run.rooms]
     return {
@@ -39,10 +42,17 @@ def pool(runs: Sequence[Scores]) -> dict[str, object]:
         **counts,
         **asdict(score_classes(confusion, classes)),
         "confusion": confusion.tolist(),
+        "ece": together.expected_error if together else None,
         **_count_objects([run.clusters for run in runs]),
         **asdict(score_objects(overlaps, classes)),
         "rooms": _pool_rooms(rooms, classes) if len(rooms) == len(runs) else None,
     }
+
+
+def pool_reliability(runs: Sequence[Scores]) -> Reliability | None:
+    """Put the points of several runs into the same bins; None where a run has no confidence."""
+    measured = [run.reliability for run in runs if run.reliability is not None]
+    return sum(measured[1:], measured[0]) if len(measured) == len(runs) else None
 
 
 def average(documents: Sequence[dict[str, object]]) -> dict[str, object]:

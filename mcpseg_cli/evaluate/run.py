@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.evaluate.class_scores import confusion_matrix, score_classes
+from mcpseg_cli.evaluate.class_scores import (
+    confusion_matrix,
+    is_probability,
+    score_classes,
+    score_confidence,
+)
 from mcpseg_cli.evaluate.cluster_scores import ClusterScores, score_clusters
 from mcpseg_cli.evaluate.object_scores import ObjectScores, score_objects
 from mcpseg_cli.evaluate.overlaps import Overlaps, PointLabels, find_overlaps
@@ -21,6 +26,7 @@ from mcpseg_cli.evaluate.room_scores import RoomScores, score_rooms
 from mcpseg_cli.evaluate.scan_by_scan import ScanByScan, follow_scans
 from mcpseg_cli.evaluate.truth import Truth, open_truth
 from mcpseg_cli.formats.labels import check_classes
+from mcpseg_cli.reliability import Reliability
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being read, how much of it has been, and how much there is (files or MB)."""
@@ -67,6 +73,8 @@ class Scores:
         counts: How many points are scored.
         classes: Class table.
         confusion: (C, C + 1) int64, see ``class_scores.confusion_matrix``.
+        reliability: Whether confidence is the share of right classes; None where there is no
+            confidence of 0 to 1, or no point with a true and a predicted class.
         clusters: How well the objects agree, whatever their class, over the whole map.
         overlaps: Objects over the whole map.
         objects: How well they agree with their class.
@@ -84,6 +92,7 @@ class Scores:
     counts: PointCounts
     classes: tuple[str, ...]
     confusion: NDArray[np.int64]
+    reliability: Reliability | None
     clusters: ClusterScores
     overlaps: Overlaps
     objects: ObjectScores
@@ -103,6 +112,7 @@ class Scores:
             **asdict(self.counts),
             **asdict(score_classes(self.confusion, self.classes)),
             "confusion": self.confusion.tolist(),
+            "ece": self.reliability and self.reliability.expected_error,
             **asdict(self.clusters),
             **asdict(self.objects),
             "ap_ranked_by": self.ranked_by,
@@ -228,6 +238,7 @@ def _score(
         counts=_count_points(paired, num_unpredicted=int(confusion[:, -1].sum())),
         classes=classes,
         confusion=confusion,
+        reliability=score_confidence(true.semantic, pred.semantic, confidence, len(classes)),
         clusters=clusters,
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),
@@ -275,6 +286,10 @@ def _notices(
         yield f"{truth.source}: no covered point has a class; class and object figures are 0"
     elif not (paired.instance > 0).any():
         yield f"{truth.source}: no covered point is in an object; cluster and object figures are 0"
+
+    # confidence that says something else
+    if prediction.confidence is not None and not is_probability(prediction.confidence):
+        yield f"{prediction.source}: confidence beyond 0 to 1; its calibration is not measured"
 
     # scans that are lacking
     if prediction.folder and scans is None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import OutputError, StateError
+from mcpseg_cli.train.calibration import Calibration
 from mcpseg_cli.train.progress import EpochReport
 from mcpseg_cli.train.scores import Scores
 
@@ -84,6 +85,7 @@ class TrainRecord(BaseModel):
         best_epoch: The one whose weights these are; 0: none yet.
         train: Scores of its training batches.
         validation: Scores of the held-out batches after it.
+        calibration: How well its confidence tells what is right; None: not fitted.
         seconds: What all epochs took.
         device: Where it trained.
         command: The command line.
@@ -109,6 +111,7 @@ class TrainRecord(BaseModel):
     best_epoch: int
     train: Scores | None
     validation: Scores | None
+    calibration: Calibration | None = None
     seconds: float
     device: str
     command: str

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from pydantic import BaseModel
 
+from mcpseg_cli.train.calibration import Calibration
 from mcpseg_cli.train.folder import AreaFacts, TrainRecord
 from mcpseg_cli.train.progress import EpochReport
 from mcpseg_cli.train.scores import Scores
@@ -33,6 +34,7 @@ def model_card(record: TrainRecord) -> str:
         _table(("", ""), _facts(record)),
         "## Scores",
         _scores(record),
+        *_calibration(record.calibration),
         "## Curves",
         _curves(record),
         "## Settings",
@@ -100,6 +102,28 @@ def _scores(record: TrainRecord) -> str:
     iou = zip(record.classes, map(_number, scores.iou), strict=True)
     told = f"{where}; not of whole scans labelled by `mcpseg segment`, for which see `mcpseg eval`."
     return "\n\n".join([told, _table(header, [_means(scores)]), _table(("class", "IoU"), iou)])
+
+
+def _calibration(calibration: Calibration | None) -> list[str]:
+    """Lay out how well confidence tells the share that is right; nothing where it is not fitted."""
+    if calibration is None:
+        return []
+    told = (
+        f"Logits are divided by {calibration.temperature:g}, fitted on {calibration.voxels:,} "
+        f"voxels of the held-out areas; expected calibration error {calibration.error_before:.4f} "
+        f"before, {calibration.error:.4f} after (10 bins, the same voxels)."
+    )
+    rows = [
+        (
+            f"{part.up_to - 0.1:.1f} to {part.up_to:.1f}",
+            f"{part.voxels:,}",
+            _number(part.confidence, 3),
+            _number(part.accuracy, 3),
+        )
+        for part in calibration.bins
+    ]
+    header = ("confidence", "voxels", "mean confidence", "accuracy")
+    return ["## Confidence", told, _table(header, rows)]
 
 
 def _curves(record: TrainRecord) -> str:

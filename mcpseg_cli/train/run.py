@@ -16,6 +16,7 @@ from mcpseg_cli.config import NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
 from mcpseg_cli.resumable import printable, write_whole
+from mcpseg_cli.train.calibration import Calibration, calibrate
 from mcpseg_cli.train.checkpoint import check_identity, read_checkpoint, write_checkpoint
 from mcpseg_cli.train.fine_tuning import adopt
 from mcpseg_cli.train.fold_data import DataSettings, FoldData
@@ -76,6 +77,7 @@ class TrainRun:
         anew: bool = False,
     ) -> None:
         self.files, self.request, self.device, self.ranks = files, request, device, ranks
+        self._held_out = data.validation
         settings, samples = request.settings, request.data.samples
         self.info = WeightsInfo(
             architecture=settings.architecture,
@@ -194,20 +196,23 @@ class TrainRun:
         """
         best = self._best()
         if best is None:
-            return self._record(None, None, 0)
+            return self._record(None, None, None, 0)
 
         # weights as float32 on the processor, with what they are
         network = build_network(self.info)
         network.load_state_dict(
             {name: tensor.cpu() for name, tensor in self.trainer.best_network().items()}
         )
+        calibration = self._calibrate(network)
         info = self.info.model_copy(update={"training": self._facts(best)})
+        if calibration is not None:
+            info = info.model_copy(update={"temperature": calibration.temperature})
         path = self.files.path("safetensors")
         save_weights(path, network, info)
 
         # what people and programs read about them
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-        record = self._record(best, sha256, path.stat().st_size)
+        record = self._record(best, calibration, sha256, path.stat().st_size)
         write_whole(self.files.path("md"), model_card(record))
         write_whole(self.files.path("toml"), self._settings())
         document = json.dumps(record.model_dump(mode="json"), indent=1)
@@ -217,6 +222,12 @@ class TrainRun:
             self.files.path("checkpoint").unlink(missing_ok=True)
         self.record = record if self.trainer.is_finished else None
         return record
+
+    def _calibrate(self, network: Network) -> Calibration | None:
+        """Fit the temperature on what is held out; None where nothing is, or for the paper's."""
+        if self._held_out is None:
+            return None
+        return calibrate(network.eval().to(self.device), self._held_out, self.device)
 
     def _best(self) -> EpochReport | None:
         """Return the report of the epoch whose weights are given out."""
@@ -246,7 +257,13 @@ class TrainRun:
             self.request.settings, data.samples, data.augment, data.windows, data.mapping
         )
 
-    def _record(self, best: EpochReport | None, sha256: str | None, size: int) -> TrainRecord:
+    def _record(
+        self,
+        best: EpochReport | None,
+        calibration: Calibration | None,
+        sha256: str | None,
+        size: int,
+    ) -> TrainRecord:
         """Say all there is to say about the weights."""
         init, curves = self.request.init, tuple(self.trainer.curves)
         return TrainRecord(
@@ -265,6 +282,7 @@ class TrainRun:
             best_epoch=best.epoch if best else 0,
             train=best.train if best else None,
             validation=best.validation if best else None,
+            calibration=calibration,
             seconds=round(sum(report.seconds for report in curves), 1),
             device=self.device.type,
             command=printable(shlex.join(self.request.command)),

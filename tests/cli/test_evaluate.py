@@ -123,7 +123,23 @@ def test_pictures_are_drawn(run, tmp_path):
     options = ["--plot", tmp_path / "pictures", "-q"]
     assert invoke("eval", run, run / "map.ply", *options).exit_code == 0
     names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
-    assert names == ["class_iou.png", "confusion_matrix.png", "miou_over_scans.png"]
+    assert names == [
+        "class_iou.png",
+        "confusion_matrix.png",
+        "miou_over_scans.png",
+        "reliability.png",
+    ]
+
+
+def test_calibration_is_printed_but_cannot_be_demanded(run, pair):
+    scores = json.loads(invoke("eval", run, run / "map.ply", "--json").stdout)
+    confidence = read_cloud(run / "map.ply").label("confidence")
+    assert scores["ece"] == pytest.approx(1 - confidence.mean(), abs=1e-6)  # all of it is right
+    assert re.search(r"^ece +0\.\d{3}$", invoke("eval", run, run / "map.ply").stdout, re.M)
+    result = invoke("eval", run, run / "map.ply", "--fail-under", "ece=0.1")
+    assert result.exit_code == 2
+    assert "no figure 'ece'" in " ".join(result.stderr.split())
+    assert json.loads(invoke("eval", *pair, "--json").stdout)["ece"] is None  # no confidence
 
 
 @pytest.mark.parametrize("place", ["file", "file/pictures"])

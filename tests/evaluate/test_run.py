@@ -12,12 +12,19 @@ from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.evaluate import truth as truth_module
 from mcpseg_cli.evaluate.dotted_names import bounded_metrics, flatten
 from mcpseg_cli.evaluate.overlaps import PointLabels
-from mcpseg_cli.evaluate.plots import plot_class_iou, plot_confusion, plot_over_scans, prepare_plots
+from mcpseg_cli.evaluate.plots import (
+    plot_class_iou,
+    plot_confusion,
+    plot_over_scans,
+    plot_reliability,
+    prepare_plots,
+)
 from mcpseg_cli.evaluate.pooled import average, pool
 from mcpseg_cli.evaluate.room_scores import score_rooms
 from mcpseg_cli.evaluate.run import evaluate_run
 from mcpseg_cli.evaluate.score_curve import ScoreCurve
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+from mcpseg_cli.reliability import measure_reliability
 
 CLASSES = ("floor", "wall", "chair")
 
@@ -114,6 +121,45 @@ def test_it_is_said_what_ranks_objects(tmp_path):
     columns = cloud.columns | {"confidence": np.ones(len(cloud), np.float32)}
     write_cloud(output, Cloud(columns, cloud.classes))
     assert evaluate_run(output, truth).document()["ap_ranked_by"] == "mean confidence"
+
+
+def with_confidence(output: Path, confidence: np.ndarray) -> None:
+    cloud = read_cloud(output)
+    columns = cloud.columns | {"confidence": confidence.astype(np.float32)}
+    write_cloud(output, Cloud(columns, cloud.classes))
+
+
+def test_confidence_is_compared_with_the_share_that_is_right(tmp_path):
+    output, truth = write_pair(tmp_path / "a")
+    is_right = read_cloud(output).label("semantic") == read_cloud(truth / "0.ply").label("semantic")
+    with_confidence(output, np.full(400, is_right.mean()))
+    assert evaluate_run(output, truth).document()["ece"] == pytest.approx(0, abs=1e-6)
+
+    # of two maps, all points together
+    other, other_truth = write_pair(tmp_path / "b", 5)
+    with_confidence(other, np.full(400, 1.0))
+    runs = [evaluate_run(output, truth), evaluate_run(other, other_truth)]
+    wrong = runs[1].document()["ece"]
+    assert wrong == pytest.approx(1 - runs[1].document()["point_accuracy"])
+    assert pool(runs)["ece"] == pytest.approx(wrong / 2, abs=1e-6)
+
+
+def test_points_without_a_predicted_class_do_not_count_for_calibration(tmp_path):
+    output, truth = write_pair(tmp_path)
+    cloud = read_cloud(output)
+    semantic = read_cloud(truth / "0.ply").label("semantic").copy()
+    semantic[:100] = 255
+    columns = cloud.columns | {"semantic": semantic, "confidence": np.ones(400, np.float32)}
+    write_cloud(output, Cloud(columns, cloud.classes))
+    assert evaluate_run(output, truth).document()["ece"] == 0.0
+
+
+def test_confidence_that_is_no_probability_is_not_scored_and_said_so(tmp_path):
+    output, truth = write_pair(tmp_path)
+    with_confidence(output, np.full(400, 97.0))
+    scores = evaluate_run(output, truth)
+    assert scores.document()["ece"] is None
+    assert "confidence beyond 0 to 1" in scores.notices[-1]
 
 
 @pytest.mark.parametrize("named", [True, False])
@@ -235,7 +281,10 @@ def test_pictures_show_the_scores(tmp_path):
     plot_over_scans(tmp_path / "curve.png", {"out": curve})
     plot_over_scans(tmp_path / "curves.png", {"_out": curve, "$out$": curve})
 
-    for name in ("matrix", "iou", "curve", "curves"):
+    sure = measure_reliability(np.array([0.1, 0.8, 0.9]), np.array([False, True, True]))
+    plot_reliability(tmp_path / "reliability.png", sure, "voxel")
+
+    for name in ("matrix", "iou", "curve", "curves", "reliability"):
         picture = image.imread(tmp_path / f"{name}.png")[:, :, :3]
         assert min(picture.shape[:2]) > 300
         assert np.ptp(picture, axis=2).max() > 0.4, name  # something in colour

@@ -1,0 +1,94 @@
+"""How far from the robot to label: what serves the sensor, as its first scans show it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.choices import Frame
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.scan import Scan
+from mcpseg_cli.segment.checkpoint import State
+
+NUM_SCANS = 5
+"""Scans that are looked at."""
+
+_IN_ROOMS = 2.5  # metres: a room's width around a scanner that sees in all directions
+_CAMERA = 3.5  # metres: beyond that, depth is too coarse to tell things apart
+_LONG = 5.0  # metres: as far as networks learn to see
+_LONG_REACH = 8.0  # metres, horizontally, that a tenth of a long lidar's points lie beyond
+_FIELD_OF_VIEW = 120.0  # degrees across that a camera's points lie within
+_STRAYS = 0.01  # share of points that may lie anywhere
+
+
+def guess_range(scans: Iterable[Scan]) -> tuple[float, str]:
+    """Choose a range by what scans look like: the reach of their points, and the field of view.
+
+    Args:
+        scans: The first ones; empty scans say nothing.
+
+    Returns:
+        Metres, horizontally, and what that is chosen for.
+    """
+    seen = [scan.xyz - scan.position.astype(np.float32) for scan in scans if len(scan.xyz)]
+    if not seen:
+        return _IN_ROOMS, "no scan to tell the sensor by"
+
+    # of most scans
+    reach = np.median([np.percentile(np.hypot(xyz[:, 0], xyz[:, 1]), 90) for xyz in seen])
+    if reach > _LONG_REACH:
+        return _LONG, "a long lidar, by its reach"
+    if np.median([_field_of_view(xyz) for xyz in seen]) < _FIELD_OF_VIEW:
+        return _CAMERA, "a depth camera, by its field of view"
+    return _IN_ROOMS, "a scanner that sees all around, in rooms"
+
+
+def first_scans(recording: list[ScanFile], frame: Frame, voxel_size: float) -> Iterator[Scan]:
+    """Read the first scans, one in memory at a time; what cannot be read is passed over.
+
+    Args:
+        recording: The scans in order; no more than the first few are touched.
+        frame: Frame of the files' coordinates.
+        voxel_size: Edge of a voxel, metres.
+    """
+    for source in recording[:NUM_SCANS]:
+        try:
+            scan, _ = read_scan(source, frame, voxel_size)
+        except (InputError, OSError):
+            continue  # the run itself says so when it comes to it
+        yield scan
+
+
+def kept_range(output: Path) -> float | None:
+    """Return the range that a run was begun with; None where there is no run.
+
+    Args:
+        output: Folder of the run.
+
+    Raises:
+        StateError: The checkpoint there is in use or damaged.
+    """
+    path = output / "state.sqlite"
+    if not path.is_file() or not path.stat().st_size:
+        return None
+    with State(path) as state:
+        value = (state.configuration() or {}).get("local_range")
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _field_of_view(xyz: NDArray[np.float32]) -> float:
+    """Give the degrees across the cone that nearly all points lie in, as seen from the origin.
+
+    Its axis is the points' mean direction, so that a camera that looks down is one, too.
+    """
+    distance = np.linalg.norm(xyz, axis=1)
+    direction = xyz[distance > 0] / distance[distance > 0, None]
+    axis = direction.mean(axis=0, dtype=np.float64) if len(direction) else np.zeros(3)
+    if not np.linalg.norm(axis) > 0:
+        return 360.0
+    cosine = direction @ (axis / np.linalg.norm(axis))
+    return 2 * float(np.degrees(np.arccos(np.clip(np.quantile(cosine, _STRAYS), -1, 1))))
