@@ -1,6 +1,6 @@
 """Fit the temperature of weights that were trained before ``mcpseg train`` did so by itself.
 
-    python examples/calibrate.py unet-holdout9.safetensors data/ --holdout 9 -o calibrated.safetensors
+    python examples/calibrate.py unet.safetensors data/ --holdout 9 -o calibrated.safetensors
 
 The areas held out must be those that the weights have not seen; with the settings written beside
 the weights (``--config``) windows are as they were in training.

@@ -1,4 +1,4 @@
-"""What methods, looks and ranges are worth on labelled recordings: one row a method, one column a set.
+"""What methods, looks and ranges are worth on labelled recordings: a row each, a column a set.
 
     python examples/compare_methods.py -o compare/ --set rooms=real/room_1,real/room_2 \
         --set office=data/Area_9 --method mcpnet --method mcpnet:fused --method unet --range 2.5

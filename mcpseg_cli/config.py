@@ -353,7 +353,7 @@ class AugmentSettings(BaseModel):
 
     @classmethod
     def of_windows(cls) -> Self:
-        """Return the defaults for the sparse U-Net: a map lies any way, and much of it is unseen."""
+        """Return the defaults for the U-Net: a map lies any way, and much of it is unseen."""
         return cls(
             jitter=0.03,
             floor_error=0.03,

@@ -10,7 +10,8 @@ import mcpseg_cli
 
 PACKAGE = Path(__file__).parents[1] / "mcpseg_cli"
 GROUND = {
-    "choices", "errors", "config", "classes", "grid", "scan", "building", "reliability", "resumable",
+    "choices", "errors", "config", "classes", "grid", "scan", "building", "reliability",
+    "resumable",
 }  # fmt: skip
 MAY_IMPORT = {
     **dict.fromkeys(GROUND, GROUND),

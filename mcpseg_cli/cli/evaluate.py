@@ -40,8 +40,8 @@ def evaluate(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Also draw confusion matrix, IoU by class, reliability of confidence and mIoU over "
-            "the scans (PNG).",
+            help="Also draw confusion matrix, IoU by class, reliability of confidence and mIoU "
+            "over the scans (PNG).",
         ),
     ] = None,
     quiet: Quiet = False,

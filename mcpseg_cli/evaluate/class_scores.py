@@ -1,4 +1,4 @@
-"""Agreement of classes (IV-A, table I): confusion matrix, IoU, accuracy, calibration; truth first."""
+"""Agreement of classes (IV-A, table I): confusion, IoU, accuracy, calibration; truth first."""
 
 from __future__ import annotations
 

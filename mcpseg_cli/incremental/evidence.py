@@ -30,8 +30,8 @@ class Look:
         ids: (M,) int32 voxels, each once.
         probability: (M, C) float32 of each class; rows sum to 1.
         weight: (M,) float32 in 0-1: how much the look is worth.
-        affinity: (M, 13) float32 in 0-1: that the voxel and its forward neighbour are of one object;
-            NaN where there is no such neighbour. None for networks that do not say.
+        affinity: (M, 13) float32 in 0-1: that the voxel and its forward neighbour are of one
+            object; NaN where there is no such neighbour. None for networks that do not say.
     """
 
     ids: NDArray[np.int32]

@@ -45,7 +45,7 @@ class Looker(Protocol):
         floor: float,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
-        """Judge voxels; also give (M, E) int16 what neighbours are compared by, in the look's order."""
+        """Judge voxels; also give (M, E) int16 what neighbours are compared by, in that order."""
 
 
 class FirstLooks:

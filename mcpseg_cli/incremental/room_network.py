@@ -1,4 +1,4 @@
-"""The network that sees the room: all voxels in range of the robot are judged anew at every scan."""
+"""The network that sees the room: all voxels in range are judged anew at every scan."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class RoomNetwork:
     def _weigh(
         self, xyz: NDArray[np.float32], position: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """Give (M,) float32 what a look is worth: less at the rim, where half of the room is missing."""
+        """Give (M,) float32 what a look is worth: less at the rim, where half the room is missing."""
         away = np.hypot(*(xyz[:, :2] - position[:2].astype(np.float32)).T)
         inside = (np.float32(self.settings.local_range) - away) / np.float32(_RIM)
         weight: NDArray[np.float32] = np.clip(inside, _LEAST, 1).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What the sparse U-Net is told about each voxel of a window: colour, place, looks, and the surface around it.
+"""What the sparse U-Net is told about each voxel: colour, place, looks, the surface around it.
 
 A window is all voxels of the map within range of the robot. The inputs depend on the window's
 voxels and the floor only, not on where the robot stands in it or how often it is asked.

@@ -1,4 +1,4 @@
-"""Voxels as a sparse grid: who is whose neighbour, what a coarser grid joins, and products that skip empty space.
+"""Voxels as a sparse grid: neighbours, coarser grids, and products that skip empty space.
 
 A window of the map is a few thousand occupied voxels of some hundred thousand. Tables name each
 voxel's 27 neighbours and its place in the next coarser grid; they are made once for a window and
@@ -36,9 +36,10 @@ class Level:
     """One resolution of a window.
 
     Attributes:
-        neighbours: (V, 27) int32 rows of the voxels at offsets -1 to 1, x slowest; -1 where there is none.
-            Column 13 is the voxel itself, and 26 - k the opposite of k.
-        parent: (V,) int64 the voxel of the next coarser level that holds each; None at the coarsest.
+        neighbours: (V, 27) int32 rows of the voxels at offsets -1 to 1, x slowest; -1 where there
+            is none. Column 13 is the voxel itself, and 26 - k the opposite of k.
+        parent: (V,) int64 the voxel of the next coarser level that holds each; None at the
+            coarsest.
         corner: (V,) int64 which of its parent's eight parts it is.
         children: (P, 8) int64 the voxels of each coarser one, V where there is none.
     """
@@ -128,7 +129,7 @@ def number_voxels(voxel: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[
 
 @njit(cache=True, nogil=True)
 def find_neighbours(voxel: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels; each pair is looked up once."""
+    """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels, looking up each pair once."""
     count = voxel.shape[0]
     keys, rows = _empty_table(count)
     for i in range(count):
@@ -154,7 +155,7 @@ def find_neighbours(voxel: NDArray[np.int32]) -> NDArray[np.int32]:
 def _coarsen(
     voxel: NDArray[np.int32],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Join voxels two by two by two: coarse voxels, and parent, corner and children as in ``Level``."""
+    """Join voxels two by two by two: coarse voxels; parent, corner, children as in ``Level``."""
     count = voxel.shape[0]
     keys, rows = _empty_table(count)
     coarse = np.empty((count, 3), np.int32)

@@ -1,4 +1,4 @@
-"""What the sparse U-Net is trained to make small: errors about classes, and about who belongs together."""
+"""What the sparse U-Net is to make small: errors about classes, and about what is one object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Windows of the growing map to train the sparse U-Net on, as it is at some scan, each time changed.
+"""Windows of the growing map to train the U-Net on, as it is at some scan, each time changed.
 
 An area is replayed on a grid finer than the network's, so that a window can be turned and scaled
 by any amount and still have a point in every voxel of its surfaces. A window is what some scans in
@@ -129,7 +129,7 @@ class WindowSource:
             yield _join([self._draw(place, rng) for place in places])
 
     def _draw(self, place: int, rng: np.random.Generator) -> _Window:
-        """Draw the window of a scan; some look where there is hardly anything, and are drawn anew."""
+        """Draw the window of a scan; one with hardly anything in it is drawn anew."""
         for _ in range(_TRIES):
             window = self._draw_once(self._area_of[place], self._scan_of[place], rng)
             if len(window.voxel) >= _FEWEST:

@@ -5,7 +5,7 @@ import copy
 import pytest
 import torch
 
-from mcpseg_cli.networks.unet import fold
+from mcpseg_cli.networks.unet_inference import fold
 from tests.networks.test_sparse import make_window
 from tests.networks.test_unet import assert_alike, inputs_of, judge
 

@@ -39,7 +39,8 @@ def test_tables_are_the_settings(tmp_path):
     file = read(
         tmp_path,
         "[train]\nwarm_up = 1\n[samples]\nfloor = 'scan-min'\n[augment]\ngrey = 0\n"
-        "[windows]\nyoung = 0.5\n[checkpoint]\nminutes = 0.5\nkeep = true\n[classes]\na = 'b'\nc = 'd'\ne = 'unknown'\n",
+        "[windows]\nyoung = 0.5\n[checkpoint]\nminutes = 0.5\nkeep = true\n"
+        "[classes]\na = 'b'\nc = 'd'\ne = 'unknown'\n",
     )
     assert file.train == TrainSettings(warm_up=1.0)
     assert file.samples == SampleSettings(floor="scan-min")
