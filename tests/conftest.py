@@ -42,6 +42,17 @@ def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def unet_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The network that sees the room with seeded random parameters."""
+    path = tmp_path_factory.mktemp("weights") / "room.safetensors"
+    info = WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(7)
+        save_weights(path, build_network(info), info)
+    return path
+
+
+@pytest.fixture(scope="session")
 def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -> LabelledFolders:
     """A small recording and the finished run made from it; not to be changed."""
     folder = tmp_path_factory.mktemp("labelled")
