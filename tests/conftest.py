@@ -43,12 +43,16 @@ def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def unet_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The network that sees the room with seeded random parameters."""
+    """The network that sees the room with seeded random parameters; its classes are mixed."""
     path = tmp_path_factory.mktemp("weights") / "room.safetensors"
     info = WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(7)
-        save_weights(path, build_network(info), info)
+        network = build_network(info)
+        with torch.no_grad():
+            network.classify.weight *= 20.0
+            network.classify.bias.zero_()
+        save_weights(path, network, info)
     return path
 
 

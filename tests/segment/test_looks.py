@@ -128,6 +128,7 @@ def test_events_count_what_changed(looked, tmp_path):
     assert all(event["class_changes"] <= event["label_changes"] for event in events)
     if looked.settings.labelling != "first":
         assert 0 < num_changes <= sum(event["label_changes"] for event in events)
+        assert 0 < sum(event["class_changes"] for event in events) <= num_changes
 
 
 def test_another_labelling_is_refused_on_resume(looked, tmp_path):
