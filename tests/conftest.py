@@ -42,6 +42,21 @@ def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def unet_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The network that sees the room with seeded random parameters; its classes are mixed."""
+    path = tmp_path_factory.mktemp("weights") / "room.safetensors"
+    info = WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(7)
+        network = build_network(info)
+        with torch.no_grad():
+            network.classify.weight *= 20.0
+            network.classify.bias.zero_()
+        save_weights(path, network, info)
+    return path
+
+
+@pytest.fixture(scope="session")
 def labelled_run(tmp_path_factory: pytest.TempPathFactory, weights_path: Path) -> LabelledFolders:
     """A small recording and the finished run made from it; not to be changed."""
     folder = tmp_path_factory.mktemp("labelled")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Frame, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import Frame, Labelling, Method, OnError, Precision, ScanFormat
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -57,6 +57,13 @@ def segment(
             help="What labels: a network, or region-growing by normals and colour, which needs no "
             "weights and gives objects without classes (255).  "
             "[default: the network of --weights, else mcpnet]"
+        ),
+    ] = None,
+    labelling: Annotated[
+        Labelling | None,
+        typer.Option(
+            help="Which looks decide a voxel's class: the first, as in the paper, or all that it "
+            "gets, fused; --offline has one only.  [default: fused for unet, else first]"
         ),
     ] = None,
     offline: Annotated[
@@ -140,8 +147,13 @@ def segment(
     from mcpseg_cli.formats.recording import open_recording
 
     # what can be wrong is looked at before torch is imported
-    given = {"voxel_size": voxel_size, "local_range": local_range, "similarity": similarity}
-    settings = settings_of(SegmentSettings, given | {"floor": floor, "seed": seed})
+    given: dict[str, object] = {
+        "voxel_size": voxel_size,
+        "local_range": local_range,
+        "similarity": similarity,
+    }
+    given |= {"labelling": labelling, "floor": floor, "seed": seed}
+    settings = settings_of(SegmentSettings, given)
     recording = open_recording(scans, poses, frame)
 
     from mcpseg_cli.incremental.methods import open_method

@@ -19,7 +19,11 @@ from mcpseg_cli.networks.sparse import NUM_FORWARD
 
 _UNIT = 255  # evidence of one look of full weight
 _FULL = 65535 - _UNIT  # sums above this are halved before the next look
-_HUNDREDTHS = 100  # confidence is given in these: it settles, and labels are written less often
+BLOCK = 64
+"""Voxels, by id, whose evidence is written together."""
+
+HUNDREDTHS = 100
+"""Confidence is given in these: it settles, and labels are written less often."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +143,7 @@ class Evidence:
         evidence = self.of_class[ids].astype(np.float32)
         semantic = evidence.argmax(axis=1).astype(np.uint8)
         share = evidence.max(axis=1, initial=0) / np.maximum(evidence.sum(axis=1), 1)
-        confidence = np.round(share * _HUNDREDTHS) / np.float32(_HUNDREDTHS)
+        confidence = np.round(share * HUNDREDTHS) / np.float32(HUNDREDTHS)
         return semantic, confidence.astype(np.float32)
 
     def rows(self, start: int, stop: int) -> NDArray[np.uint16]:
@@ -147,6 +151,22 @@ class Evidence:
         part = slice(start, stop)
         columns = (self.of_class, self.together, self.apart, self.looks[:, None])
         return np.concatenate([column[part] for column in columns], axis=1)
+
+    def blocks(self, ids: NDArray[np.int32]) -> dict[int, NDArray[np.uint16]]:
+        """Copy all that is known of the blocks in which some voxels lie.
+
+        Args:
+            ids: (M,) int32, in any order.
+
+        Returns:
+            Rows as of ``rows``, 64 or, of the last block, what there is, by number of the block.
+        """
+        numbers = np.unique(ids // BLOCK).tolist()
+        ends = [min((number + 1) * BLOCK, len(self)) for number in numbers]
+        return {
+            number: self.rows(number * BLOCK, end)
+            for number, end in zip(numbers, ends, strict=True)
+        }
 
     def restore(self, rows: NDArray[np.uint16]) -> None:
         """Append voxels as ``rows`` gave them.

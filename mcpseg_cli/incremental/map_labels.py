@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -48,6 +49,23 @@ class Looker(Protocol):
         """Judge voxels; also give (M, E) int16 what neighbours are compared by, in that order."""
 
 
+@dataclass(frozen=True)
+class LabelUpdate:
+    """What a scan told about voxels.
+
+    Attributes:
+        embedding: (M, E) int16 of the new voxels.
+        judged: (J,) int32 voxels of which the evidence is another now; none where there is none.
+        changed: (Q,) int32 earlier voxels whose class or confidence changed, ascending.
+        num_reclassified: How many of these changed class.
+    """
+
+    embedding: NDArray[np.int16]
+    judged: NDArray[np.int32]
+    changed: NDArray[np.int32]
+    num_reclassified: int
+
+
 class FirstLooks:
     """Labels that stay as they were at first (III-B).
 
@@ -77,7 +95,7 @@ class FirstLooks:
         observed: Observation,
         position: NDArray[np.float64],
         rng: np.random.Generator,
-    ) -> tuple[NDArray[np.int16], NDArray[np.int32]]:
+    ) -> LabelUpdate:
         """Label what a scan showed.
 
         Args:
@@ -87,13 +105,13 @@ class FirstLooks:
             rng: Decides every random choice.
 
         Returns:
-            (M, E) int16 embedding of the new voxels, and (Q,) int32 earlier voxels whose class or
-            confidence changed, ascending: none.
+            What that told: nothing of earlier voxels.
         """
         floor = observed.floor or 0.0
         found = self._classifier.classify(voxels, observed.new, position, floor, rng)
         self.append(found.semantic, found.confidence)
-        return found.embedding, np.empty(0, np.int32)
+        nothing = np.empty(0, np.int32)
+        return LabelUpdate(found.embedding, nothing, nothing, 0)
 
     def append(self, semantic: NDArray[np.uint8], confidence: NDArray[np.float32]) -> None:
         """Add labels of the next voxels, as kept of an earlier run."""
@@ -122,11 +140,12 @@ class AllLooks(FirstLooks):
         observed: Observation,
         position: NDArray[np.float64],
         rng: np.random.Generator,
-    ) -> tuple[NDArray[np.int16], NDArray[np.int32]]:
+    ) -> LabelUpdate:
         """Look at what is in range, and decide anew; see ``FirstLooks.update``."""
         new, evidence = observed.new, self.evidence
         evidence.extend(len(new))
-        evidence.count_looks(np.concatenate([observed.seen_again, new]))
+        seen = np.concatenate([observed.seen_again, new])
+        evidence.count_looks(seen)
 
         # one more look at each voxel
         ids = self._looker.looks_at(voxels, observed, position)
@@ -139,11 +158,18 @@ class AllLooks(FirstLooks):
         evidence.add(look)
 
         # what all looks say now
-        semantic, confidence = evidence.labels(ids)
-        is_new = ids >= observed.first_new
+        changed, num_reclassified = self._decide(ids, observed.first_new)
+        judged = seen if self._only_first else ids
+        return LabelUpdate(embedding, judged, changed, num_reclassified)
+
+    def _decide(self, ids: NDArray[np.int32], first_new: int) -> tuple[NDArray[np.int32], int]:
+        """Label voxels by their evidence; return the earlier ones that changed, how many in class."""
+        semantic, confidence = self.evidence.labels(ids)
+        is_new = ids >= first_new
         self.append(semantic[is_new], confidence[is_new])
-        known = ids[~is_new]
-        before = (self.semantic[known], self.confidence[known])
-        self.semantic[known], self.confidence[known] = semantic[~is_new], confidence[~is_new]
-        is_changed = (semantic[~is_new] != before[0]) | (confidence[~is_new] != before[1])
-        return embedding, known[is_changed]
+
+        known, semantic, confidence = ids[~is_new], semantic[~is_new], confidence[~is_new]
+        is_other = semantic != self.semantic[known]
+        is_changed = is_other | (confidence != self.confidence[known])
+        self.semantic[known], self.confidence[known] = semantic, confidence
+        return known[is_changed], int(is_other.sum())

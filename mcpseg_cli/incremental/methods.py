@@ -127,14 +127,19 @@ def make_method(
     precision: Precision,
     device: str,
 ) -> AnyMethod:
-    """Make ready what labels: a network, or region growing.
+    """Make ready what labels: a network, or region growing; say which looks count for it.
 
     Raises:
         McpsegError: The device does not exist here.
     """
+    sees_windows = isinstance(method, Weights) and method.network.sees_windows
+    if settings.labelling is None:
+        own = "fused" if sees_windows else "first"
+        settings = settings.model_copy(update={"labelling": own})
+
     if isinstance(method, RegionGrowingSettings):
         find_device(device)  # nothing runs there, but a name that is wrong is told
         return RegionGrower(method, settings)
-    if method.network.sees_windows:
+    if sees_windows:
         return RoomNetwork(method, settings, precision=precision, device=device)
     return NetworkClassifier(method, settings, precision=precision, device=device)

@@ -161,7 +161,7 @@ class RoomNetwork:
     def _weigh(
         self, xyz: NDArray[np.float32], position: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        """Give (M,) float32 what a look is worth: less at the rim, where half the room is missing."""
+        """Give (M,) float32 what a look is worth: less at the rim of what is seen."""
         away = np.hypot(*(xyz[:, :2] - position[:2].astype(np.float32)).T)
         inside = (np.float32(self.settings.local_range) - away) / np.float32(_RIM)
         weight: NDArray[np.float32] = np.clip(inside, _LEAST, 1).astype(np.float32)

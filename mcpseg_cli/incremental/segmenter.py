@@ -34,6 +34,9 @@ class ScanUpdate:
         num_seen: How many of the scan's voxels were known before.
         merges: (P, 2) int32 objects that merged: old id, surviving id.
         changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
+        relabelled: (R,) int32 those of them whose class or confidence changed, ascending.
+        num_reclassified: How many of these changed class.
+        judged: (J,) int32 ids of voxels of which the evidence changed, see ``evidence_blocks``.
         floor: Height of the floor used, metres, map frame; None before any scan came in range.
         ms: Milliseconds by stage.
     """
@@ -45,6 +48,9 @@ class ScanUpdate:
     num_seen: int
     merges: NDArray[np.int32]
     changed: NDArray[np.int32]
+    relabelled: NDArray[np.int32]
+    num_reclassified: int
+    judged: NDArray[np.int32]
     floor: float | None
     ms: dict[str, float]
 
@@ -141,13 +147,13 @@ class IncrementalSegmenter:
         clock = Stopwatch()
 
         # embed and classify, update look-up table
-        embedding, relabelled = self._labels.update(self.map, observed, scan.position, rng)
+        found = self._labels.update(self.map, observed, scan.position, rng)
         clock.lap("network")
 
         # cluster with neighbours
         known = self.clusters.embedding
-        partners = self.method.partners(self.map, observed.new, embedding, known)
-        merges, regrouped = self.clusters.add(embedding, partners)
+        partners = self.method.partners(self.map, observed.new, found.embedding, known)
+        merges, regrouped = self.clusters.add(found.embedding, partners)
         clock.lap("cluster")
 
         # report all changes
@@ -159,7 +165,10 @@ class IncrementalSegmenter:
             num_new=len(observed.new),
             num_seen=len(observed.seen_again),
             merges=merges,
-            changed=np.union1d(regrouped, relabelled),
+            changed=np.union1d(regrouped, found.changed),
+            relabelled=found.changed,
+            num_reclassified=found.num_reclassified,
+            judged=found.judged,
             floor=observed.floor,
             ms=observed.ms | clock.ms,
         )
@@ -200,23 +209,36 @@ class IncrementalSegmenter:
             self.clusters.embedding[start:],
         )
 
+    def evidence_blocks(self, ids: NDArray[np.int32]) -> dict[int, NDArray[np.uint16]]:
+        """Copy the evidence about the blocks in which voxels lie; empty if only first looks count.
+
+        Args:
+            ids: (M,) int32, as of ``ScanUpdate.judged``.
+        """
+        known = self._labels.evidence
+        return {} if known is None else known.blocks(ids)
+
     def restore(
         self,
         parts: Iterable[MapRows],
         merges: NDArray[np.int32],
         num_scans: int,
         floor: float | None,
+        evidence: Iterable[NDArray[np.uint16]] | None = None,
     ) -> None:
         """Put a new segmenter where an earlier one was after ``num_scans`` scans.
 
         Args:
-            parts: Every voxel as first seen, in id order, in pieces of any size.
+            parts: Every voxel in id order, in pieces of any size: class and confidence as they
+                were at last, object ids as given at first.
             merges: (P, 2) int32 all merges so far, in order.
             num_scans: Scans consumed.
             floor: Floor height of the last scan, metres, map frame.
+            evidence: That about all voxels, in id order, in pieces of any size; None for a map
+                that no more scans are added to.
 
         Raises:
-            ValueError: The rows are not a map's.
+            ValueError: The rows are not a map's, or lack evidence.
         """
         for part in parts:
             self.map.restore(part.xyz, part.rgb)
@@ -224,3 +246,9 @@ class IncrementalSegmenter:
             self.clusters.restore(part.embedding, part.instance)
         self.clusters.restore_merges(merges)
         self.num_scans, self._growing_map.floor = num_scans, floor
+
+        if evidence is not None and (known := self._labels.evidence) is not None:
+            for block in evidence:
+                known.restore(block)
+            if len(known) != len(self.map):
+                raise ValueError(f"evidence about {len(known):,} of {len(self.map):,} voxels")

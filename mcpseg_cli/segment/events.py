@@ -29,7 +29,8 @@ class LabelledEvent:
         voxels: Voxels in the map after it.
         objects: Objects in the map after it.
         merges: Objects it joined: old id, surviving id.
-        label_changes: Earlier voxels whose labels it changed.
+        label_changes: Earlier voxels whose labels it changed: class, confidence or object.
+        class_changes: Earlier voxels whose class it changed.
         floor: Height of the floor used, metres, map frame; None before any scan came in range.
     """
 
@@ -43,6 +44,7 @@ class LabelledEvent:
     objects: int
     merges: list[list[int]]
     label_changes: int
+    class_changes: int
     floor: float | None
 
     @classmethod
@@ -61,6 +63,7 @@ class LabelledEvent:
             objects=num_objects,
             merges=update.merges.tolist(),
             label_changes=len(update.changed),
+            class_changes=update.num_reclassified,
             floor=update.floor,
         )
 

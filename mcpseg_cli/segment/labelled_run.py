@@ -74,8 +74,8 @@ class LabelledRun:
     """The folder of a run, finished or in progress, as it was when this was made.
 
     The checkpoint is copied first, so that a run in progress is neither disturbed nor followed, and
-    nothing is ever written into its folder. The copy (about 130 bytes a voxel) lies in the system's
-    folder for temporary files.
+    nothing is ever written into its folder. The copy (about 130 bytes a voxel,
+    230 where all looks count) lies in the system's folder for temporary files.
 
     Args:
         folder: Folder of the run.

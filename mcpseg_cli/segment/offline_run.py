@@ -20,6 +20,7 @@ from mcpseg_cli.segment.run import ScanReport, SegmentRun
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, skipped_scan
 
 _NO_MERGES = np.empty((0, 2), np.int32)
+_NOBODY = np.empty(0, np.int32)
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def _write(
     known = np.unique(point_ids[(point_ids >= 0) & (point_ids < scan.first_new)])
     update = ScanUpdate(
         scan.number, point_ids, scan.first_new, scan.num_voxels - scan.first_new, len(known),
-        _NO_MERGES, _NO_MERGES[:, 0], floor, ms,
+        _NO_MERGES, _NOBODY, _NOBODY, 0, _NOBODY, floor, ms,
     )  # fmt: skip
     num_points, num_objects = len(read.cloud), run.segmenter.clusters.num_objects
     event = LabelledEvent.of(scan.number, name, num_points, update, num_objects)
@@ -162,4 +163,4 @@ def _commit(run: SegmentRun, records: list[ScanRecord]) -> None:
         parts.append(rows.part(slice(first, record.num_voxels)))
         first = record.num_voxels
     run.commit_all(list(zip(records, parts, strict=True)))
-    run.outputs.update_map(rows, _NO_MERGES[:, 0])
+    run.outputs.update_map(rows, _NOBODY)

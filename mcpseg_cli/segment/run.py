@@ -9,8 +9,6 @@ from pathlib import Path
 from time import perf_counter
 from types import TracebackType
 
-import numpy as np
-
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats import Cloud, whole_cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile, read_scan
@@ -21,7 +19,9 @@ from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import LabelledEvent
 from mcpseg_cli.segment.folder import prepare_folder
+from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
 from mcpseg_cli.segment.outputs import Outputs
+from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, check_consumed, skipped_scan
 
@@ -212,7 +212,8 @@ class SegmentRun:
                 name, read.file, read.source.pose, num_points, len(self.segmenter.map),
                 update.floor, None, event, partial.stat().st_size,
             )  # fmt: skip
-            self._state.commit(record, self.segmenter.rows(update.first_new), update.merges)
+            rows = self.segmenter.rows(update.first_new)
+            self._state.commit(record, rows, self._changes(update))
             committed = perf_counter()
             self.records.append(record)
         self.outputs.update_map(self.segmenter.rows(), update.changed)
@@ -224,12 +225,18 @@ class SegmentRun:
         total_ms = 1e3 * (perf_counter() - started)
         return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms)
 
+    def _changes(self, update: ScanUpdate) -> MapChanges:
+        """Collect what a scan changed of what is in the checkpoint."""
+        ids, segmenter = update.relabelled, self.segmenter
+        labels = LabelChanges(ids, segmenter.semantic[ids], segmenter.confidence[ids])
+        return MapChanges(update.merges, labels, segmenter.evidence_blocks(update.judged))
+
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
         num_voxels = len(self.segmenter.map)
         floor = self.records[-1].floor if self.records else None
         record = skipped_scan(len(self.records), source, error, num_voxels, floor)
-        self._state.commit(record, self.segmenter.rows(num_voxels), np.empty((0, 2), np.int32))
+        self._state.commit(record, self.segmenter.rows(num_voxels), MapChanges.none())
         self.records.append(record)
         self.outputs.append_event(record.event, None)
         return ScanReport(record.name, 0, None, str(error), 1e3 * (perf_counter() - started))
@@ -246,27 +253,25 @@ class SegmentRun:
     def _restore(self) -> None:
         """Put the segmenter where the checkpoint is."""
         used = [record for record in self.records if record.error is None]
-        floor = used[-1].floor if used else None
+        floor, state = used[-1].floor if used else None, self._state
+        evidence = None if self.options.offline else state.evidence()
         try:
-            self.segmenter.restore(self._state.map_rows(), self._state.merges(), len(used), floor)
+            self.segmenter.restore(state.map_rows(), state.merges(), len(used), floor, evidence)
         except (ValueError, IndexError) as error:
             raise StateError(
-                f"{self._state.path}: damaged ({error}); expected an mcpseg checkpoint; "
+                f"{state.path}: damaged ({error}); expected an mcpseg checkpoint; "
                 "start again with --overwrite"
             ) from error
 
     def _write_lost_scans(self, recording: list[ScanFile]) -> None:
         """Write labelled scans that are missing or cut, with the labels they had."""
+        past: PastLabels | None = None
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
             path = self.outputs.labelled_scan(record.name)
             is_there = path.is_file() and path.stat().st_size == record.output_size
             if record.error is not None or is_there:
                 continue
             scan, cloud = self._read_points(source)
-            point_ids = self.segmenter.find_points(scan)
-            labels = self.segmenter.labels(point_ids)
-
-            # objects have merged since; id -1 finds the 0 at the end
-            then = np.append(self._state.instance_after(number), np.int32(0))
-            labels = replace(labels, instance=then[point_ids])
+            past = past or PastLabels(self._state, self.segmenter.classes)
+            labels = past.after(number, self.segmenter.find_points(scan))
             write_cloud(path, cloud.with_labels(labels))

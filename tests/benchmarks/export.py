@@ -15,6 +15,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -26,6 +27,7 @@ from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import LabelledEvent
+from mcpseg_cli.segment.map_changes import MapChanges
 from mcpseg_cli.segment.scan_record import NOT_READ, ScanRecord
 
 PER_SCAN = 1000
@@ -50,13 +52,13 @@ def make_run(folder: Path, voxels: int) -> None:
             known = (number + 1) * PER_SCAN
             name = f"{number:06d}.ply"
             event = LabelledEvent(
-                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0.0
+                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0, 0.0
             )
             record = ScanRecord(
                 name, NOT_READ, pose, 2 * PER_SCAN, known, 0.0, None, event, output_size=1
             )
             merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
-            state.commit(record, rows, merge)
+            state.commit(record, rows, replace(MapChanges.none(), merges=merge))
 
 
 def corridor(

@@ -16,6 +16,7 @@ from tests.conftest import write_recording
 _NUM_SCANS = 500
 _FEW_SCANS = 40
 _KILLS = 20
+_FEW_KILLS = 6
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +37,14 @@ def short_outputs(short_recording, weights_path, tmp_path_factory) -> dict[str, 
     return outputs_of(out)
 
 
-def command(recording, output: Path, weights_path: Path) -> list[str]:
-    words = ["segment", *recording, "-o", output, "-w", weights_path, "-q"]
+def command(recording, output: Path, weights_path: Path, *options: str) -> list[str]:
+    words = ["segment", *recording, "-o", output, "-w", weights_path, "-q", *options]
     return [sys.executable, "-m", "mcpseg_cli", *map(str, words)]
 
 
-def run_to_its_end(recording, output: Path, weights_path: Path) -> None:
-    subprocess.run(command(recording, output, weights_path), check=True, capture_output=True)
+def run_to_its_end(recording, output: Path, weights_path: Path, *options: str) -> None:
+    words = command(recording, output, weights_path, *options)
+    subprocess.run(words, check=True, capture_output=True)
 
 
 def outputs_of(folder: Path) -> dict[str, bytes]:
@@ -96,6 +98,23 @@ def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
     assert len(json.loads((tmp_path / "out/objects.json").read_text())) > 0
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
     assert num_events(tmp_path / "out") == _NUM_SCANS
+
+
+@pytest.mark.parametrize("weights", ["unet_path", "weights_path"])
+def test_labels_that_improve_survive_kills_too(short_recording, tmp_path, request, weights):
+    path = request.getfixturevalue(weights)
+    run_to_its_end(short_recording, tmp_path / "whole", path, "--labelling", "fused")
+
+    rng = random.Random(1)
+    words = command(short_recording, tmp_path / "out", path, "--labelling", "fused")
+    for _ in range(_FEW_KILLS):
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+        if not kill_at_random(process, tmp_path / "out", rng):
+            break
+
+    run_to_its_end(short_recording, tmp_path / "out", path, "--labelling", "fused")
+    assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
+    assert num_events(tmp_path / "out") == _FEW_SCANS
 
 
 @pytest.mark.parametrize("limit_kb", [60, 300, 700])
