@@ -163,7 +163,7 @@ class AllLooks(FirstLooks):
         return LabelUpdate(embedding, judged, changed, num_reclassified)
 
     def _decide(self, ids: NDArray[np.int32], first_new: int) -> tuple[NDArray[np.int32], int]:
-        """Label voxels by their evidence; return the earlier ones that changed, how many in class."""
+        """Label voxels by evidence; return the earlier ones that changed, how many in class."""
         semantic, confidence = self.evidence.labels(ids)
         is_new = ids >= first_new
         self.append(semantic[is_new], confidence[is_new])

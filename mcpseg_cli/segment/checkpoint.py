@@ -1,8 +1,9 @@
 """The durable checkpoint: one SQLite database, one transaction a scan: the truth of a run.
 
 A voxel is written once, with the scan that first saw it; merges and changes of labels are logs. So
-a transaction is as large as the scan's changes, and the labels of any earlier moment can be rebuilt.
-Evidence is kept as it is now, in blocks of voxels, of which those that a scan touched are rewritten.
+a transaction is as large as the scan's changes, and labels of any earlier moment can be rebuilt.
+Evidence is kept as it is now, in blocks of voxels, of which those that a scan touched are
+rewritten.
 """
 
 from __future__ import annotations
