@@ -204,14 +204,16 @@ class DepthwiseConv(nn.Module):
             (V, F) float32.
         """
         if features.device.type == "cpu" and not torch.onnx.is_in_onnx_export():
-            summed: Tensor = _DepthwiseOnCpu.apply(features, level.neighbours, self.weight)  # type: ignore[no-untyped-call]
+            inputs = (features, level.neighbours, self.weight)
+            summed: Tensor = _DepthwiseOnCpu.apply(*inputs)  # type: ignore[no-untyped-call]
             return summed
         return sum_neighbours(features, level.neighbours, self.weight)
 
     def part(self, features: Tensor, level: Level, first: int, last: int) -> Tensor:
         """Sum over the neighbours of voxels ``first`` to ``last`` on a processor, for inference."""
         total = torch.empty((last - first, features.shape[1]))
-        known, table, answer = _arrays(features, level.neighbours, total)  # type: ignore[no-untyped-call]
+        tensors = (features, level.neighbours, total)
+        known, table, answer = _arrays(*tensors)  # type: ignore[no-untyped-call]
         _convolve(known, table, _padded(self.weight), answer, first, last)
         return total
 

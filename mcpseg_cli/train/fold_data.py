@@ -115,35 +115,52 @@ def fold_data(
     classes = trained_classes([area.classes for area in training + validation], data.mapping)
     _check_classes(classes, training, data.mapping)
 
-    # whole windows, or points
-    network = NETWORKS[train.architecture]
-    size = train.batch_size or network.batch_size
-    if network.sees_windows:
+    # objects are drawn evenly to learn from, points as segmentation sees them to validate
+    make = _window_sources if NETWORKS[train.architecture].sees_windows else _point_sources
+    learned, validated, plain = make(training, validation, classes, data, train)
+    return FoldData(
+        classes,
+        learned,
+        validated,
+        plain,
+        training_areas=_facts(fold.training, prepared),
+        validation_areas=_facts(fold.validation, prepared),
+    )
 
-        def windows(
-            areas: Sequence[AreaSamples], augment: AugmentSettings | None = None
-        ) -> WindowSource:
-            return WindowSource(
-                areas,
-                classes,
-                data.mapping,
-                windows_per_batch=size,
-                settings=data.windows,
-                augmentation=augment,
-                seed=train.seed,
-            )
 
-        return FoldData(
+def _window_sources(
+    training: Sequence[AreaSamples],
+    validation: Sequence[AreaSamples],
+    classes: tuple[str, ...],
+    data: DataSettings,
+    train: TrainSettings,
+) -> tuple[Batches, Batches | None, Batches]:
+    """Make the sources of windows: to learn from, to validate on, and to count classes in."""
+
+    def source(areas: Sequence[AreaSamples], augment: AugmentSettings | None) -> WindowSource:
+        return WindowSource(
+            areas,
             classes,
-            training=windows(training, data.augment),
-            validation=windows(validation) if validation else None,
-            plain=windows(training),
-            training_areas=_facts(fold.training, prepared),
-            validation_areas=_facts(fold.validation, prepared),
+            data.mapping,
+            windows_per_batch=train.batch_size or NETWORKS[train.architecture].batch_size,
+            settings=data.windows,
+            augmentation=augment,
+            seed=train.seed,
         )
 
-    # objects are drawn evenly to learn from, points as segmentation sees them to validate
-    per_object = train.samples_per_instance
+    validated = source(validation, None) if validation else None
+    return source(training, data.augment), validated, source(training, None)
+
+
+def _point_sources(
+    training: Sequence[AreaSamples],
+    validation: Sequence[AreaSamples],
+    classes: tuple[str, ...],
+    data: DataSettings,
+    train: TrainSettings,
+) -> tuple[Batches, Batches | None, Batches]:
+    """Make the sources of points: to learn from, to validate on, and to count classes in."""
+    network = NETWORKS[train.architecture]
 
     def source(
         areas: Sequence[AreaSamples],
@@ -155,7 +172,7 @@ def fold_data(
             areas,
             classes,
             data.mapping,
-            batch_size=size,
+            batch_size=train.batch_size or network.batch_size,
             with_context=with_context,
             augmentation=augment,
             seed=train.seed,
@@ -163,14 +180,10 @@ def fold_data(
             plain_share=train.plain_share,
         )
 
-    return FoldData(
-        classes,
-        training=source(training, network.needs_context, per_object, data.augment),
-        validation=source(validation, network.needs_context, 0) if validation else None,
-        plain=source(training, False, per_object),
-        training_areas=_facts(fold.training, prepared),
-        validation_areas=_facts(fold.validation, prepared),
-    )
+    per_object = train.samples_per_instance
+    learned = source(training, network.needs_context, per_object, data.augment)
+    validated = source(validation, network.needs_context, 0) if validation else None
+    return learned, validated, source(training, False, per_object)
 
 
 def _check_classes(
