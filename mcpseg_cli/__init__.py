@@ -15,9 +15,11 @@ command. A room is a folder, or a file of the ground. The ground imports only th
 
 A folder imports the ground and the rooms named with it, never upward:
 
-    networks/     the networks of the tables, their weights files, where they run
-    incremental/  the method (III-B, III-C, III-E); segmenter.py is one scan, read it first;
-                  opens no file but weights; imports networks
+    networks/     the networks of the tables and the one that sees the room, their weights
+                  files, where they run
+    incremental/  the method (III-B, III-C, III-E) and the evidence of all looks;
+                  segmenter.py is one scan, read it first; opens no file but weights;
+                  imports networks
     formats/      one file a format; recordings, poses, labels, S3DIS
     raytrace/     virtual scans of a labelled building (III-A); imports formats
     synth/        synthetic buildings to train on; imports formats
