@@ -76,7 +76,8 @@ def test_settings_not_given_are_the_networks_own(architecture):
 
 def test_settings_for_mcpnet_are_written_down_as_ever():
     segmenter = IncrementalSegmenter(make_weights("mcpnet"), SegmentSettings(local_range=3.0))
-    assert segmenter.settings.model_dump() == SegmentSettings(local_range=3.0).model_dump()
+    expected = SegmentSettings(local_range=3.0, labelling="first")
+    assert segmenter.settings.model_dump() == expected.model_dump()
 
 
 @pytest.mark.parametrize("architecture", [*CLASS_ONLY, "sgpn"])

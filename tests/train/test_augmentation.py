@@ -29,7 +29,14 @@ SHARES = {
     "context_dropout_share": "context_dropout",
     "thinning_share": "thinning",
 }
-OF_WINDOWS = {"right_angle", "holes", "hole_radius", "no_ceiling"}  # see test_windows.py
+OF_WINDOWS = {
+    "right_angle",
+    "grid_shift",
+    "tilt_deg",
+    "holes",
+    "hole_radius",
+    "no_ceiling",
+}  # see test_windows.py
 OF_BATCHES = [name for name in AugmentSettings.model_fields if name not in OF_WINDOWS]
 
 

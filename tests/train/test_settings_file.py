@@ -18,7 +18,10 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.train.settings_file import SettingsFile, read_settings, settings_text
 
 MODELS = Path(__file__).parents[2] / "models"
-ADDED_LATER = {"right_angle", "holes", "hole_radius", "no_ceiling", "label_smoothing"}
+ADDED_LATER = {
+    "right_angle", "grid_shift", "tilt_deg", "holes", "hole_radius", "no_ceiling",
+    "label_smoothing",
+}  # fmt: skip
 """Settings that there were not yet when some weights were trained; left out, they are off."""
 
 

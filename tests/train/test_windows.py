@@ -13,7 +13,7 @@ from mcpseg_cli.train.augmentation import Scene, change_places
 from mcpseg_cli.train.replay import Replay
 from mcpseg_cli.train.samples import AreaSamples, prepare_samples
 from mcpseg_cli.train.window_objective import affinity_loss
-from mcpseg_cli.train.windows import WindowSource, _leave, _see, _voxelise
+from mcpseg_cli.train.windows import WindowSource, _lay, _leave, _see, _voxelise
 from tests.areas import CLASSES, write_area
 
 SAMPLES = SampleSettings.model_validate(WINDOW_SAMPLES)
@@ -305,6 +305,30 @@ def test_right_angles_turn_axes_into_axes():
         np.testing.assert_allclose(np.abs(turn).min(axis=0), 0, atol=1e-5)
         angles.add(round(np.degrees(np.arctan2(turn[0, 1], turn[0, 0]))) % 360)
     assert angles == {0, 90, 180, 270}
+
+
+def test_a_window_is_shifted_with_its_floor_by_up_to_a_part_of_a_voxel():
+    scene, shifts = make_scene(50), []
+    for seed in range(40):
+        settings, rng = only(grid_shift=0.5), np.random.default_rng(seed)
+        laid = _lay(scene, settings, WindowSettings(voxel_size=0.1), rng)
+        moved = laid.xyz - scene.xyz
+        np.testing.assert_allclose(moved, np.broadcast_to(moved[0], moved.shape), atol=1e-5)
+        assert laid.floor - scene.floor == pytest.approx(moved[0, 2], abs=1e-5)
+        shifts.append(moved[0])
+    assert np.abs(shifts).max() <= 0.0501
+    assert np.abs(shifts).max(axis=0).min() > 0.03  # along all axes
+
+
+def test_a_tilted_window_stays_where_the_robot_stands_and_keeps_its_plan(rng):
+    scene = make_scene(200)
+    laid = _lay(scene, only(tilt_deg=2.0), WindowSettings(), rng)
+    np.testing.assert_array_equal(laid.xyz[:, :2], scene.xyz[:, :2])
+    away = scene.xyz[:, :2] - scene.position[:2]
+    rise = laid.xyz[:, 2] - scene.xyz[:, 2]
+    slope, residual, *_ = np.linalg.lstsq(away, rise, rcond=None)  # through the robot's foot
+    assert 0 < np.abs(slope).max() < np.tan(np.radians(10))
+    assert residual.max(initial=0) < 1e-6
 
 
 def test_augmented_windows_are_other_windows(area):
