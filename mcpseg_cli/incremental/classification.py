@@ -54,7 +54,7 @@ class NetworkClassifier:
         # what every method says of itself
         self.name: str = weights.info.architecture
         self.weights = weights
-        self.settings = _complete(settings, weights.network)
+        self.settings = complete(settings, weights.network)
         self.classes = weights.info.classes
         self.similarity = self.settings.similarity if weights.network.has_embedding else SIMILARITY
         self.precision = resolve_precision(precision, device)
@@ -213,7 +213,7 @@ class NetworkClassifier:
         return self._network.pool_context(torch.from_numpy(context).to(self._device))
 
 
-def _complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
+def complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
     """Fill in what was not given by what the network was made for."""
     own = {"batch_size": network.batch_size, "similarity": network.similarity}
     return settings.model_copy(

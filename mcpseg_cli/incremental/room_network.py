@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Precision
 from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.grid import voxel_of
+from mcpseg_cli.incremental.classification import complete
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.evidence import Look, compute_affinities
 from mcpseg_cli.incremental.growing_map import Observation
@@ -33,7 +34,7 @@ class RoomNetwork:
 
     Args:
         weights: Network and class table.
-        settings: Similarity, where not given, is what the network's affinities say.
+        settings: Similarity, where not given, is the network's own.
         precision: Arithmetic of the dense layers; ``auto`` is bf16 where the processor computes it
             natively.
         device: Where the network runs, as torch names it.
@@ -59,10 +60,7 @@ class RoomNetwork:
         self.classes = weights.info.classes
         self.precision = resolve_precision(precision, device)
 
-        # neighbours of one object rather than of two: the similarity that it stands for
-        own = {"batch_size": network.batch_size, "similarity": network.even_similarity()}
-        missing = own.keys() - settings.model_fields_set
-        self.settings = settings.model_copy(update={name: own[name] for name in missing})
+        self.settings = complete(settings, network)
         self.similarity = self.settings.similarity
 
         self._device = find_device(device)

@@ -101,11 +101,6 @@ class UNet(Network):
         embedding = functional.normalize(self.embed(hidden).float(), dim=1, eps=1e-6)
         return WindowOutput(self.classify(hidden).float(), embedding)
 
-    def even_similarity(self) -> float:
-        """Return the cosine similarity at which two objects are as likely as one."""
-        even, steepness = self.affine.detach()[0], functional.softplus(self.affine.detach()[1])
-        return float((1 - even / (2 * steepness)).clamp(-1, 1))
-
     def affinity(self, embedding: Tensor, other: Tensor) -> Tensor:
         """Compute how likely pairs of voxels are of one object, as a logit.
 
