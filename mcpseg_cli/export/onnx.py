@@ -24,8 +24,10 @@ from mcpseg_cli.resumable import write_whole
 if TYPE_CHECKING:
     import onnx
 
-# which points it keeps is a loop over the batch, which ONNX would fix at one size
-_UNSUPPORTED = ("pointnet2",)
+_UNSUPPORTED = {
+    "pointnet2": "chooses points in a loop over the batch",  # ONNX would fix it at one size
+    "unet": "is given tables of a window's voxels, which change from window to window",
+}
 _OPSET = 18
 _TOLERANCE = 1e-4  # of embeddings, which are of unit length, and of logits relative to their range
 _CHECKED_BATCHES = (1, 37, 256)  # points; other than the size the graph was traced with
@@ -59,9 +61,10 @@ def write_onnx(weights: Weights, path: Path) -> float:
         OSError: The disk is full or the folder not writable; nothing is left under ``path``'s name.
     """
     # what cannot be done
-    if weights.info.architecture in _UNSUPPORTED:
+    architecture = weights.info.architecture
+    if architecture in _UNSUPPORTED:
         raise OutputError(
-            f"{path}: {weights.info.architecture} chooses points in a loop over the batch; "
+            f"{path}: {architecture} {_UNSUPPORTED[architecture]}; "
             "expected a network of fixed steps; export another architecture"
         )
     try:

@@ -60,9 +60,10 @@ def test_the_model_tells_its_classes_and_that_it_pools_over_a_call(tmp_path):
     assert np.abs(whole - half).max() > 1e-3
 
 
-def test_a_network_that_loops_over_the_batch_is_refused_in_one_line(tmp_path):
-    with pytest.raises(OutputError, match=r"model.onnx: pointnet2 chooses points in a loop"):
-        write_onnx(weights_of("pointnet2", tmp_path), tmp_path / "model.onnx")
+def test_a_network_that_onnx_cannot_tell_is_refused_in_one_line(tmp_path):
+    for network, reason in (("pointnet2", "chooses points in a loop"), ("unet", "is given tables")):
+        with pytest.raises(OutputError, match=rf"model.onnx: {network} {reason}"):
+            write_onnx(weights_of(network, tmp_path), tmp_path / "model.onnx")
 
 
 def test_without_onnx_it_says_what_to_install(tmp_path, monkeypatch):
