@@ -84,7 +84,7 @@ def segment(
             "--range",
             metavar="METRES|auto",
             help="Label points up to this far from the robot, horizontally; auto: found from the "
-            "first scans, 2.5 to 5.  [default: 2.0; of the U-Net, auto]",
+            "first scans, 2 to 5.  [default: 2.0; of the U-Net, auto]",
         ),
     ] = None,
     similarity: Annotated[

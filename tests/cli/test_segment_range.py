@@ -14,7 +14,7 @@ from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
 
 LONG = "mcpseg: range 5 m: a long lidar, by its reach; --range changes it"
-ROOMS = "mcpseg: range 2.5 m: a scanner that sees all around, in rooms; --range changes it"
+ROOMS = "mcpseg: range 2 m: a scanner that sees all around, in rooms; --range changes it"
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +52,8 @@ def stretch(scan: Path) -> None:
 def test_networks_that_see_rooms_find_it_and_say_so_once(recording, tmp_path, room_weights):
     result = segment(recording, tmp_path / "out", room_weights)
     assert (result.exit_code, result.stderr.splitlines()) == (0, [ROOMS])
-    assert "2.5 m, a scanner that sees all around, in rooms" in result.stdout
-    assert range_of(tmp_path / "out") == 2.5
+    assert "2 m, a scanner that sees all around, in rooms" in result.stdout
+    assert range_of(tmp_path / "out") == 2.0
 
 
 def test_the_methods_of_the_paper_keep_its_range_unless_told(recording, tmp_path, weights_path):
@@ -98,9 +98,9 @@ def test_a_run_continued_with_other_scans_keeps_the_range_it_was_begun_with(
         path.write_bytes(content)
         stretch(path)
     result = segment((scans, poses), tmp_path / "out", weights_path, *options)
-    assert (result.exit_code, range_of(tmp_path / "out")) == (0, 2.5)
+    assert (result.exit_code, range_of(tmp_path / "out")) == (0, 2.0)
     assert result.stderr.splitlines() == ["mcpseg: continuing after 2 scans"]
-    assert "2.5 m, as the run was begun" in result.stdout
+    assert "2 m, as the run was begun" in result.stdout
 
 
 def test_running_again_finds_nothing_new_and_guesses_nothing(recording, tmp_path, room_weights):
@@ -112,7 +112,7 @@ def test_running_again_finds_nothing_new_and_guesses_nothing(recording, tmp_path
 
     # started again, it is found again
     result = segment(recording, tmp_path / "out", room_weights, "--overwrite")
-    assert (result.stderr.splitlines(), range_of(tmp_path / "out")) == ([ROOMS], 2.5)
+    assert (result.stderr.splitlines(), range_of(tmp_path / "out")) == ([ROOMS], 2.0)
 
 
 def test_a_broken_first_scan_is_told_by_the_run_and_not_by_the_guess(
