@@ -17,7 +17,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcpseg_cli.choices import Architecture, Labelling
@@ -70,7 +70,7 @@ def main(words: list[str] | None = None) -> int:
             report.rounds += 1
             show(seed, report)
             if options.output:
-                options.output.write_text(json.dumps(asdict(report), indent=1) + "\n")
+                options.output.write_text(json.dumps(vars(report), indent=1) + "\n")
 
     print("\n".join(report.failures) or "nothing found")
     return int(bool(report.failures))
