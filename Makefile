@@ -1,11 +1,15 @@
 # make demo   install into .venv and label the bundled example
-# make test   install into .venv, lint, check types and run every test
+# make test   install into .venv, lint, check types and run every test, on WORKERS cores
+# make soak   kill runs and damage files for SECONDS seconds; not in CI
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/office_walk
+WORKERS ?= 2
+SECONDS ?= 600
+SEED ?= 0
 
-.PHONY: demo test lint benchmark clean
+.PHONY: demo test lint soak benchmark clean
 .DELETE_ON_ERROR:
 
 $(VENV)/installed: pyproject.toml constraints.txt
@@ -30,7 +34,11 @@ lint: $(VENV)/installed-test
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal
+
+soak: $(VENV)/installed-test
+	mkdir -p out
+	$(BIN)/python -m tests.soak --seconds $(SECONDS) --seed $(SEED) -o out/soak.json
 
 benchmark: $(VENV)/installed-test
 	$(BIN)/python -m tests.benchmarks.lidar

@@ -1,21 +1,24 @@
 """Fixtures that many test modules share: weights, small recordings and the reference data."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 import torch
+from hypothesis import HealthCheck, settings
 
-from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
+from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
+from tests.recordings import write_recording, write_weights
+
+# how long something takes, while other work has the cores, is no finding
+settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("suite")
 
 
 class LabelledFolders(NamedTuple):
@@ -24,36 +27,38 @@ class LabelledFolders(NamedTuple):
     out: Path
     scans: Path
 
+    @property
+    def recording(self) -> tuple[Path, Path]:
+        """The scans and their poses."""
+        return self.scans, self.scans.parent / "poses.csv"
+
 
 MakeRecording = Callable[..., tuple[Path, Path]]
 
-STEP = 0.4  # metres the robot moves along x between two scans
+
+def pytest_configure() -> None:
+    """Use one thread, also in other processes: the suite has a worker for each core."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread_again() -> Iterator[None]:
+    """Networks this small only wait for a second thread; who wants several asks for them."""
+    yield
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")
 def weights_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """MCPNet with seeded random parameters: no test depends on bundled weights."""
-    path = tmp_path_factory.mktemp("weights") / "random.safetensors"
-    info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(7)
-        save_weights(path, build_network(info), info)
-    return path
+    return write_weights(tmp_path_factory.mktemp("weights") / "random.safetensors", "mcpnet")
 
 
 @pytest.fixture(scope="session")
 def unet_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The network that sees the room with seeded random parameters; its classes are mixed."""
-    path = tmp_path_factory.mktemp("weights") / "room.safetensors"
-    info = WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(7)
-        network = build_network(info)
-        with torch.no_grad():
-            network.classify.weight *= 20.0
-            network.classify.bias.zero_()
-        save_weights(path, network, info)
-    return path
+    return write_weights(tmp_path_factory.mktemp("weights") / "room.safetensors", "unet")
 
 
 @pytest.fixture(scope="session")
@@ -81,6 +86,12 @@ def make_recording() -> MakeRecording:
 
 
 @pytest.fixture
+def recording(tmp_path: Path) -> tuple[Path, Path]:
+    """Folder and poses of a small recording of the test's own, in ``input`` of its folder."""
+    return write_recording(tmp_path / "input")
+
+
+@pytest.fixture
 def shared_folder() -> Path:
     """Folder of the reference data; the test is skipped where there is none."""
     named = os.environ.get("MCPSEG_SHARED")
@@ -88,41 +99,3 @@ def shared_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no reference data at {folder}; set MCPSEG_SHARED to its folder")
     return folder
-
-
-def write_recording(
-    folder: Path, num_scans: int = 4, seed: int = 0, suffix: str = ".ply", colour: bool = True
-) -> tuple[Path, Path]:
-    """Write a robot's walk along a corridor, in the map frame; return its scans/ and poses.csv.
-
-    A scan has about 800 points.
-    """
-    rng = np.random.default_rng(seed)
-    scans = folder / "scans"
-    scans.mkdir(parents=True)
-    lines = ["scan,timestamp,x,y,z,qx,qy,qz,qw"]
-    for number in range(num_scans):
-        robot = np.array([STEP * number, 0.0, 0.5])
-        xyz = _corridor(robot[0], rng)
-        columns = {axis: xyz[:, column] for column, axis in enumerate("xyz")}
-        if colour:
-            rgb = np.clip(100 + 60 * xyz + rng.normal(0, 10, xyz.shape), 0, 255).astype(np.uint8)
-            columns |= {
-                name: rgb[:, column] for column, name in enumerate(("red", "green", "blue"))
-            }
-        write_cloud(scans / f"{number:06d}{suffix}", Cloud(columns))
-        lines.append(
-            f"{number:06d},{0.1 * number:.1f},{robot[0]:.3f},{robot[1]:.3f},{robot[2]:.3f},0,0,0,1"
-        )
-    poses = folder / "poses.csv"
-    poses.write_text("\n".join(lines) + "\n")
-    return scans, poses
-
-
-def _corridor(x: float, rng: np.random.Generator) -> np.ndarray:
-    """Sample (800, 3) float32 points of a floor (z = 0) and two walls (y = ±1.2) around ``x``."""
-    along = rng.uniform(x - 1.6, x + 1.6, 800)
-    floor = np.stack([along[:400], rng.uniform(-1.2, 1.2, 400), rng.normal(0, 0.005, 400)], axis=1)
-    side = np.repeat([-1.2, 1.2], 200) + rng.normal(0, 0.005, 400)
-    walls = np.stack([along[400:], side, rng.uniform(0, 2.0, 400)], axis=1)
-    return np.concatenate([floor, walls]).astype(np.float32)

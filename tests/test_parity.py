@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.evaluate.run import evaluate_run
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
+from tests.commands import invoke
 
 _CHECKPOINTS = {
     "mcpnet_1": "mcpnet_model_s3dis_1",
@@ -49,7 +48,7 @@ def segment_building(shared_folder, tmp_path, model: str, precision: str) -> Non
         ["import-weights", checkpoint, "-o", weights, "--overwrite"],
         ["segment", scans, poses, "-o", out, "-w", weights, *options],
     ):
-        result = CliRunner().invoke(app, [str(word) for word in words])
+        result = invoke(*words)
         assert result.exit_code == 0, result.stderr
 
 

@@ -4,7 +4,6 @@ import json
 import pickle
 import struct
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from safetensors.numpy import save_file
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+from tests.commands import MOST_S, command, invoke
 
 BAD = "000001"  # the second of four scans is the bad one
 
@@ -84,7 +82,7 @@ def case(
 
 def run(case: Case, *options: str) -> tuple[int, str, str]:
     """Run the command in this process; return exit code, stdout and stderr."""
-    result = CliRunner().invoke(app, [*case.arguments(), *options])
+    result = invoke(*case.arguments(), *options)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception  # a traceback is never right
     return result.exit_code, result.stdout, result.stderr
@@ -428,8 +426,8 @@ def test_the_installed_command_prints_one_line_and_no_traceback(
     case: Case, spoil_case: Callable[[Case], None]
 ) -> None:
     spoil_case(case)
-    command = [sys.executable, "-m", "mcpseg_cli", *case.arguments()]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    words = command(*case.arguments())
+    result = subprocess.run(words, capture_output=True, text=True, timeout=MOST_S, check=False)
     assert result.returncode == 1
     assert result.stdout == ""
     assert_one_line(result.stderr, str(case.scans / BAD), "800")
@@ -523,11 +521,11 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
 
     monkeypatch.setattr("mcpseg_cli.formats.recording.open_recording", refuse)
     words = ["segment", str(tmp_path), str(tmp_path / "poses.csv"), "-o", str(tmp_path / "out")]
-    result = CliRunner().invoke(app, words)
+    result = invoke(*words)
     assert result.exit_code == 1
     assert "set NUMBA_CACHE_DIR" in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
     # a bug stays a traceback
     said = "something else"
-    assert isinstance(CliRunner().invoke(app, words).exception, RuntimeError)
+    assert isinstance(invoke(*words).exception, RuntimeError)

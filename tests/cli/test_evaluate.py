@@ -8,15 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+from tests.commands import invoke
 from tests.evaluate.test_run import write_pair
-
-
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -7,10 +7,9 @@ import time
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import read_cloud
+from tests.commands import invoke, segment, start
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -18,14 +17,13 @@ REPOSITORY = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def grown_run(labelled_run, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("grown") / "out"
-    poses = labelled_run.scans.parent / "poses.csv"
-    words = [labelled_run.scans, poses, "-o", out, "--method", "region-growing", "-q"]
-    assert CliRunner().invoke(app, ["segment", *map(str, words)]).exit_code == 0
+    result = segment(labelled_run.recording, out, "--method", "region-growing", "-q")
+    assert result.exit_code == 0
     return out
 
 
 def export(*arguments: object):
-    return CliRunner().invoke(app, ["export", *map(str, arguments)])
+    return invoke("export", *arguments)
 
 
 def test_one_call_writes_everything_asked_for_and_says_what(labelled_run, tmp_path):
@@ -173,10 +171,8 @@ def test_wrong_usage_exits_2(labelled_run, tmp_path, options):
 
 
 def test_a_run_in_progress_is_exported_again_and_again(make_recording, tmp_path, weights_path):
-    scans, poses = make_recording(tmp_path / "input", num_scans=80)
-    arguments = ["segment", scans, poses, "-o", tmp_path / "out", "-w", weights_path, "-q"]
-    command = [sys.executable, "-m", "mcpseg_cli", *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    recording = make_recording(tmp_path / "input", num_scans=200)
+    process = start("segment", *recording, "-o", tmp_path / "out", "-w", weights_path, "-q")
 
     # as often as it goes, from the first scan on
     events, sizes = tmp_path / "out/events.jsonl", []

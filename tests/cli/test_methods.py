@@ -1,23 +1,13 @@
 """``mcpseg segment --method``: what labels, and which weights fit."""
 
 import json
+from pathlib import Path
 
 import numpy as np
-import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.formats import read_cloud
-
-
-def segment(recording, output, *options: object):
-    return CliRunner().invoke(app, ["segment", *map(str, (*recording, "-o", output, *options))])
-
-
-@pytest.fixture
-def recording(make_recording, tmp_path):
-    return make_recording(tmp_path / "input")
+from tests.commands import invoke, segment
 
 
 def test_region_growing_needs_no_weights_and_continues_its_run(recording, tmp_path):
@@ -89,11 +79,9 @@ def test_the_default_is_mcpnet_and_the_run_says_which_method_it_was(recording, t
 
 
 def test_region_growing_is_scored_without_classes(tmp_path):
-    from pathlib import Path
-
     walk = Path(__file__).parents[2] / "examples/office_walk"
     segment((walk / "scans", walk / "poses.csv"), tmp_path / "out", "--method", "region-growing")
-    result = CliRunner().invoke(app, ["eval", str(tmp_path / "out"), str(walk / "gt"), "--json"])
+    result = invoke("eval", tmp_path / "out", walk / "gt", "--json")
     scores = json.loads(result.stdout)
     assert scores["point_accuracy"] == 0.0
     assert scores["nmi"] > 0.7

@@ -4,26 +4,19 @@ import json
 import resource
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.resumable import exclusive
+from tests.commands import command, invoke, run_to_its_end, start, wait_until
 
 COARSE = ("--h-res", "4", "--v-res", "4", "-q")
 LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 2.6])
-
-
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def trace(room: Path, output: Path, *options: object):
@@ -434,9 +427,9 @@ def test_a_building_without_free_floor_is_refused_in_one_line(tmp_path):
     assert len(result.stderr.splitlines()) == 1
 
 
-def command(room: Path, output: Path) -> list[str]:
+def words_of(room: Path, output: Path) -> list[object]:
     options = ["--step", "0.02", "--h-res", "3", "--v-res", "3", "-q", "--noise", "0.01"]
-    return [sys.executable, "-m", "mcpseg_cli", "raytrace", str(room), "-o", str(output), *options]
+    return ["raytrace", room, "-o", output, *options]
 
 
 def num_scans(output: Path) -> int:
@@ -444,12 +437,11 @@ def num_scans(output: Path) -> int:
 
 
 def test_a_killed_run_leaves_whole_scans_only_and_continues_to_the_same_files(room, tmp_path):
-    subprocess.run(command(room, tmp_path / "whole"), check=True)
+    run_to_its_end(*words_of(room, tmp_path / "whole"))
     for wanted in (1, 150):
-        process = subprocess.Popen(command(room, tmp_path / "out"))
-        while num_scans(tmp_path / "out") < wanted and process.poll() is None:
-            time.sleep(0.002)
-        process.send_signal(signal.SIGKILL)
+        process = start(*words_of(room, tmp_path / "out"))
+        wait_until(lambda wanted=wanted: num_scans(tmp_path / "out") >= wanted, process)
+        process.kill()
         process.wait()
         assert process.returncode == -signal.SIGKILL
         made = [
@@ -461,7 +453,7 @@ def test_a_killed_run_leaves_whole_scans_only_and_continues_to_the_same_files(ro
             for path in made
         )
     assert not json.loads((tmp_path / "out/raytrace.json").read_text())["complete"]
-    subprocess.run(command(room, tmp_path / "out"), check=True)
+    run_to_its_end(*words_of(room, tmp_path / "out"))
     assert files_of(tmp_path / "out") == files_of(tmp_path / "whole")
 
 
@@ -470,7 +462,10 @@ def test_a_full_disk_is_one_line_and_loses_nothing(room, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
     full = subprocess.run(
-        command(room, tmp_path / "out"), preexec_fn=limit_file_size, capture_output=True, text=True
+        command(*words_of(room, tmp_path / "out")),
+        preexec_fn=limit_file_size,
+        capture_output=True,
+        text=True,
     )
     assert full.returncode == 1
     assert len(full.stderr.splitlines()) == 1

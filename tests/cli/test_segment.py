@@ -2,37 +2,23 @@
 
 import json
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+from tests.commands import MOST_S, invoke, num_events, segment, start, wait_until
 
 REPOSITORY = Path(__file__).parents[2]
 WALK = REPOSITORY / "examples/office_walk"
 
 
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def segment(recording, output, weights_path, *options: object):
-    scans, poses = recording
-    return invoke("segment", scans, poses, "-o", output, "-w", weights_path, *options)
-
-
-@pytest.fixture
-def recording(make_recording, tmp_path):
-    return make_recording(tmp_path / "input")
-
-
 def test_json_is_one_document_on_stdout_with_the_promised_keys(recording, tmp_path, weights_path):
-    result = segment(recording, tmp_path / "out", weights_path, "--json")
+    result = segment(recording, tmp_path / "out", "-w", weights_path, "--json")
     document = json.loads(result.stdout)
     assert {"scans", "voxels", "objects", "ms_per_scan", "peak_memory_mb", "resumed_from"} <= set(
         document
@@ -46,28 +32,28 @@ def test_json_is_one_document_on_stdout_with_the_promised_keys(recording, tmp_pa
 def test_the_table_goes_to_stdout_as_plain_text_when_it_is_no_terminal(
     recording, tmp_path, weights_path
 ):
-    result = segment(recording, tmp_path / "out", weights_path)
+    result = segment(recording, tmp_path / "out", "-w", weights_path)
     assert re.search(r"^scans +4$", result.stdout, re.MULTILINE)
     assert "\x1b" not in result.stdout
 
 
 def test_running_again_with_nothing_new_says_so_and_exits_0(recording, tmp_path, weights_path):
-    segment(recording, tmp_path / "out", weights_path)
+    segment(recording, tmp_path / "out", "-w", weights_path)
     before = (tmp_path / "out/map.ply").stat().st_mtime_ns
-    result = segment(recording, tmp_path / "out", weights_path)
+    result = segment(recording, tmp_path / "out", "-w", weights_path)
     assert result.exit_code == 0
     assert "nothing new: all 4 scans are labelled" in result.stderr
     assert (tmp_path / "out/map.ply").stat().st_mtime_ns == before
 
 
 def test_overwrite_starts_again_with_other_settings(recording, tmp_path, weights_path):
-    segment(recording, tmp_path / "out", weights_path)
-    refused = segment(recording, tmp_path / "out", weights_path, "--voxel-size", 0.2)
+    segment(recording, tmp_path / "out", "-w", weights_path)
+    refused = segment(recording, tmp_path / "out", "-w", weights_path, "--voxel-size", 0.2)
     assert refused.exit_code == 1
     assert "--voxel-size 0.1, now 0.2" in refused.stderr
     assert (
         segment(
-            recording, tmp_path / "out", weights_path, "--voxel-size", 0.2, "--overwrite"
+            recording, tmp_path / "out", "-w", weights_path, "--voxel-size", 0.2, "--overwrite"
         ).exit_code
         == 0
     )
@@ -113,7 +99,7 @@ def test_a_scan_without_colour_is_labelled_as_grey(make_recording, tmp_path, wei
 
 @pytest.mark.parametrize("floor", ["scan-min", "0.25", "-1"])
 def test_the_floor_can_be_chosen(recording, tmp_path, weights_path, floor):
-    segment(recording, tmp_path / "out", weights_path, "--floor", floor)
+    segment(recording, tmp_path / "out", "-w", weights_path, "--floor", floor)
     events = [json.loads(line) for line in (tmp_path / "out/events.jsonl").read_text().splitlines()]
     lowest = read_cloud(sorted(recording[0].iterdir())[0]).xyz[:, 2].min()
     assert events[0]["floor"] == pytest.approx(
@@ -134,19 +120,19 @@ def test_the_floor_can_be_chosen(recording, tmp_path, weights_path, floor):
     ],
 )
 def test_wrong_usage_exits_2(recording, tmp_path, weights_path, options):
-    assert segment(recording, tmp_path / "out", weights_path, *options).exit_code == 2
+    assert segment(recording, tmp_path / "out", "-w", weights_path, *options).exit_code == 2
     assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_device_is_one_line(recording, tmp_path, weights_path):
-    result = segment(recording, tmp_path / "out", weights_path, "--device", "abacus")
+    result = segment(recording, tmp_path / "out", "-w", weights_path, "--device", "abacus")
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(recording, tmp_path, weights_path):
     (tmp_path / "file").write_text("")
-    result = segment(recording, tmp_path / "file/out", weights_path)
+    result = segment(recording, tmp_path / "file/out", "-w", weights_path)
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
     assert "file/out" in result.stderr
@@ -266,7 +252,7 @@ def test_the_robot_loop_of_the_examples_runs(tmp_path):
 def test_overwrite_never_touches_the_input(make_recording, tmp_path, weights_path):
     recording = make_recording(tmp_path / "own")
     for output in (tmp_path / "own", recording[0]):
-        result = segment(recording, output, weights_path, "--overwrite")
+        result = segment(recording, output, "-w", weights_path, "--overwrite")
         assert result.exit_code == 1
         assert "lies where results go" in result.stderr
         assert len(list(recording[0].iterdir())) == 4
@@ -276,7 +262,7 @@ def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weight
     lines = recording[1].read_text().splitlines()
     far = [re.sub(r"^(\d+),([\d.]+),", r"\1,\2,1", line) for line in lines[1:]]
     recording[1].write_text("\n".join([lines[0], *far]) + "\n")
-    result = segment(recording, tmp_path / "out", weights_path)
+    result = segment(recording, tmp_path / "out", "-w", weights_path)
     assert result.exit_code == 0
     assert "only 0 of 3,200 points lie within --range 2 of their pose" in result.stderr
 
@@ -361,22 +347,15 @@ def test_eval_of_a_missing_path_says_so(tmp_path):
 
 
 def test_sigterm_ends_a_run_like_ctrl_c(make_recording, tmp_path, weights_path):
-    import signal
-    import time
-
     recording = make_recording(tmp_path / "input", num_scans=300)
     words = ["segment", *recording, "-o", tmp_path / "out", "-w", weights_path, "-q", "--overwrite"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mcpseg_cli", *map(str, words)], stderr=subprocess.PIPE, text=True
-    )
+    process = start(*words, stderr=subprocess.PIPE)
 
     # in the midst of it
-    events = tmp_path / "out/events.jsonl"
-    while process.poll() is None and not (events.exists() and events.stat().st_size):
-        time.sleep(0.005)
+    wait_until(lambda: num_events(tmp_path / "out") > 0, process)
     process.send_signal(signal.SIGTERM)
 
-    stderr = process.communicate(timeout=60)[1]
+    stderr = process.communicate(timeout=MOST_S)[1]
     assert "continue with: mcpseg segment" in stderr
     assert "--overwrite" not in stderr  # following the advice must not start again
     assert process.returncode == 130

@@ -4,38 +4,12 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
-import torch
-from typer.testing import CliRunner
 
-from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
+from tests.commands import segment
 
 LONG = "mcpseg: range 5 m: a long lidar, by its reach; --range changes it"
 ROOMS = "mcpseg: range 2 m: a scanner that sees all around, in rooms; --range changes it"
-
-
-@pytest.fixture(scope="module")
-def room_weights(tmp_path_factory) -> Path:
-    """The sparse U-Net with seeded random parameters."""
-    path = tmp_path_factory.mktemp("weights") / "unet.safetensors"
-    info = WeightsInfo(architecture="unet", classes=S3DIS_CLASSES)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(7)
-        save_weights(path, build_network(info), info)
-    return path
-
-
-@pytest.fixture
-def recording(make_recording, tmp_path):
-    return make_recording(tmp_path / "input")
-
-
-def segment(recording, output: Path, weights: Path, *options: object):
-    words = ["segment", *recording, "-o", output, "-w", weights, *options]
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def range_of(output: Path) -> float:
@@ -49,8 +23,8 @@ def stretch(scan: Path) -> None:
     write_cloud(scan, Cloud(cloud.columns | {"x": far}))
 
 
-def test_networks_that_see_rooms_find_it_and_say_so_once(recording, tmp_path, room_weights):
-    result = segment(recording, tmp_path / "out", room_weights)
+def test_networks_that_see_rooms_find_it_and_say_so_once(recording, tmp_path, unet_path):
+    result = segment(recording, tmp_path / "out", "-w", unet_path)
     assert (result.exit_code, result.stderr.splitlines()) == (0, [ROOMS])
     assert "2 m, a scanner that sees all around, in rooms" in result.stdout
     assert range_of(tmp_path / "out") == 2.0
@@ -59,21 +33,21 @@ def test_networks_that_see_rooms_find_it_and_say_so_once(recording, tmp_path, ro
 def test_the_methods_of_the_paper_keep_its_range_unless_told(recording, tmp_path, weights_path):
     for path in recording[0].iterdir():
         stretch(path)
-    result = segment(recording, tmp_path / "a", weights_path, "-q")
+    result = segment(recording, tmp_path / "a", "-w", weights_path, "-q")
     assert (result.exit_code, range_of(tmp_path / "a")) == (0, 2.0)
     assert "2 m, the default" in result.stdout
-    result = segment(recording, tmp_path / "b", weights_path, "--range", "auto")
+    result = segment(recording, tmp_path / "b", "-w", weights_path, "--range", "auto")
     assert (result.stderr.splitlines()[0], range_of(tmp_path / "b")) == (LONG, 5.0)
 
 
-def test_what_is_given_is_taken(recording, tmp_path, room_weights):
-    result = segment(recording, tmp_path / "out", room_weights, "--range", "1.5", "--json")
+def test_what_is_given_is_taken(recording, tmp_path, unet_path):
+    result = segment(recording, tmp_path / "out", "-w", unet_path, "--range", "1.5", "--json")
     assert (result.stderr, range_of(tmp_path / "out")) == ("", 1.5)
     assert json.loads(result.stdout)["scans"] == 4
 
 
-def test_what_is_neither_a_number_nor_auto_is_wrong_usage(recording, tmp_path, room_weights):
-    result = segment(recording, tmp_path / "out", room_weights, "--range", "far")
+def test_what_is_neither_a_number_nor_auto_is_wrong_usage(recording, tmp_path, unet_path):
+    result = segment(recording, tmp_path / "out", "-w", unet_path, "--range", "far")
     assert result.exit_code == 2
     assert "--range" in result.stderr
 
@@ -89,7 +63,7 @@ def test_a_run_continued_with_other_scans_keeps_the_range_it_was_begun_with(
     for path, _ in later:
         path.unlink()
     options = ["--range", "auto"]
-    result = segment((scans, poses), tmp_path / "out", weights_path, *options)
+    result = segment((scans, poses), tmp_path / "out", "-w", weights_path, *options)
     assert result.stderr.splitlines() == [ROOMS]
 
     # more scans of a long lidar, which would be most of the first five
@@ -97,30 +71,30 @@ def test_a_run_continued_with_other_scans_keeps_the_range_it_was_begun_with(
     for path, content in later:
         path.write_bytes(content)
         stretch(path)
-    result = segment((scans, poses), tmp_path / "out", weights_path, *options)
+    result = segment((scans, poses), tmp_path / "out", "-w", weights_path, *options)
     assert (result.exit_code, range_of(tmp_path / "out")) == (0, 2.0)
     assert result.stderr.splitlines() == ["mcpseg: continuing after 2 scans"]
     assert "2 m, as the run was begun" in result.stdout
 
 
-def test_running_again_finds_nothing_new_and_guesses_nothing(recording, tmp_path, room_weights):
+def test_running_again_finds_nothing_new_and_guesses_nothing(recording, tmp_path, unet_path):
     for options in ([], ["--range", "auto"]):
-        segment(recording, tmp_path / "out", room_weights, "--range", "1.5")
-        result = segment(recording, tmp_path / "out", room_weights, *options)
+        segment(recording, tmp_path / "out", "-w", unet_path, "--range", "1.5")
+        result = segment(recording, tmp_path / "out", "-w", unet_path, *options)
         assert result.stderr.splitlines() == ["mcpseg: nothing new: all 4 scans are labelled"]
         assert "1.5 m, as the run was begun" in result.stdout
 
     # started again, it is found again
-    result = segment(recording, tmp_path / "out", room_weights, "--overwrite")
+    result = segment(recording, tmp_path / "out", "-w", unet_path, "--overwrite")
     assert (result.stderr.splitlines(), range_of(tmp_path / "out")) == ([ROOMS], 2.0)
 
 
 def test_a_broken_first_scan_is_told_by_the_run_and_not_by_the_guess(
-    recording, tmp_path, room_weights
+    recording, tmp_path, unet_path
 ):
     sorted(recording[0].iterdir())[0].write_bytes(b"no cloud")
     options = ["--on-error", "skip"]
-    result = segment(recording, tmp_path / "out", room_weights, *options)
+    result = segment(recording, tmp_path / "out", "-w", unet_path, *options)
     assert result.exit_code == 0
     assert result.stderr.splitlines()[0] == ROOMS
     assert result.stderr.count("skipped") == 1

@@ -5,23 +5,17 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats.s3dis import read_area
 from mcpseg_cli.resumable import exclusive
+from tests.commands import command, invoke, run_to_its_end, start, wait_until
 
 REPOSITORY = Path(__file__).parents[2]
 SMALL = ("--rooms", "3", "--spacing", "0.08", "--seed", "5", "-q")
-
-
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +28,6 @@ def area(tmp_path_factory) -> Path:
 
 def texts_of(area: Path) -> dict[str, bytes]:
     return {str(path.relative_to(area)): path.read_bytes() for path in sorted(area.rglob("*.txt"))}
-
-
-def command(area: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "mcpseg_cli", "synth", str(area), *SMALL, *options]
 
 
 def test_the_area_has_the_layout_of_s3dis_and_is_read_back(area):
@@ -64,7 +54,7 @@ def test_json_is_one_document(tmp_path):
 
 
 def test_the_number_of_jobs_changes_nothing(area, tmp_path):
-    subprocess.run(command(tmp_path / "Area_1", "--jobs", "2"), check=True, capture_output=True)
+    run_to_its_end("synth", tmp_path / "Area_1", *SMALL, "--jobs", "2")
     assert texts_of(tmp_path / "Area_1") == texts_of(area)
 
 
@@ -87,12 +77,9 @@ def test_the_number_of_the_folder_decides_the_style(tmp_path):
 
 
 def test_a_killed_command_continues_to_the_same_area(area, tmp_path):
-    process = subprocess.Popen(
-        command(tmp_path / "Area_1", "--jobs", "1"), stdout=subprocess.DEVNULL
-    )
-    while not list(tmp_path.glob("Area_1/*/Annotations")) and process.poll() is None:
-        time.sleep(0.002)
-    process.send_signal(signal.SIGKILL)
+    process = start("synth", tmp_path / "Area_1", *SMALL, "--jobs", "1")
+    wait_until(lambda: any(tmp_path.glob("Area_1/*/Annotations")), process)
+    process.kill()
     process.wait()
     assert process.returncode == -signal.SIGKILL
     assert len(list(tmp_path.glob("Area_1/[a-z]*/"))) < 3
@@ -182,7 +169,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_room(area, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
 
     full = subprocess.run(
-        command(tmp_path / "Area_1", "--jobs", "1"),
+        command("synth", tmp_path / "Area_1", *SMALL, "--jobs", "1"),
         preexec_fn=limit_file_size,
         capture_output=True,
         text=True,

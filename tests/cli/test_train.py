@@ -7,15 +7,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import torch
 from safetensors.torch import load_file
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import (
     AugmentSettings,
@@ -30,16 +27,9 @@ from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.train.folder import TrainRecord
 from tests.areas import CLASSES, write_area
+from tests.commands import MOST_S, invoke, start, wait_until
 
 SMALL = ("--batch-size", "64", "--context", "8", "--seed", "3")
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +40,8 @@ def data(tmp_path_factory) -> Path:
     return folder
 
 
-def invoke(*arguments: object):
-    return CliRunner().invoke(app, ["train", *map(str, arguments)])
+def train(*words: object):
+    return invoke("train", *words)
 
 
 def arguments(data: Path, output: Path, *options: object) -> list[str]:
@@ -63,25 +53,10 @@ def write_config(folder: Path, text: str) -> Path:
     return folder / "settings.toml"
 
 
-def start(words: list[str], stderr=None) -> subprocess.Popen:
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
-    return subprocess.Popen(
-        command, env=environment, stderr=stderr, stdout=subprocess.DEVNULL, text=True
-    )
-
-
-def wait_for(path: Path) -> None:
-    deadline = time.monotonic() + 60
-    while not path.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("trained")
-    result = invoke(*arguments(data, output, "--epochs", "4", "-q"))
+    result = train(*arguments(data, output, "--epochs", "4", "-q"))
     assert result.exit_code == 0, result.stderr
     return output
 
@@ -124,15 +99,15 @@ def test_the_weights_label_scans(trained, data):
 
 def test_a_killed_training_resumes_to_the_same_weights(data, tmp_path):
     words = arguments(data, tmp_path / "whole", "--epochs", "30", "-q")
-    assert invoke(*words).exit_code == 0
+    assert train(*words).exit_code == 0
     words = arguments(data, tmp_path / "cut", "--epochs", "30", "-q")
-    process = start(words)
-    wait_for(tmp_path / "cut" / "mcpnet-holdout2.checkpoint")
+    process = start("train", *words)
+    wait_until((tmp_path / "cut" / "mcpnet-holdout2.checkpoint").exists, process)
     process.kill()
     process.wait()
     assert not (tmp_path / "cut" / "mcpnet-holdout2.json").exists()
-    assert "--resume to continue it or --overwrite" in invoke(*words).stderr
-    result = invoke(*words, "--resume")
+    assert "--resume to continue it or --overwrite" in train(*words).stderr
+    result = train(*words, "--resume")
     assert result.exit_code == 0, result.stderr
     whole, cut = (
         load_file(tmp_path / part / "mcpnet-holdout2.safetensors") for part in ("whole", "cut")
@@ -141,10 +116,11 @@ def test_a_killed_training_resumes_to_the_same_weights(data, tmp_path):
 
 
 def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_path):
-    process = start(arguments(data, tmp_path, "--epochs", "100000"), subprocess.PIPE)
-    wait_for(tmp_path / "mcpnet-holdout2.checkpoint")
+    words = arguments(data, tmp_path, "--epochs", "100000")
+    process = start("train", *words, stderr=subprocess.PIPE)
+    wait_until((tmp_path / "mcpnet-holdout2.checkpoint").exists, process)
     process.send_signal(signal.SIGINT)
-    stderr = process.communicate(timeout=60)[1]
+    stderr = process.communicate(timeout=MOST_S)[1]
     assert process.returncode == 130
     assert "continue with: mcpseg train" in stderr.splitlines()[-1]
     assert stderr.splitlines()[-1].endswith("--resume")
@@ -156,12 +132,12 @@ def test_an_interrupt_writes_what_is_trained_and_says_how_to_continue(data, tmp_
 def test_no_weights_of_an_untrained_network_are_written(data, tmp_path, monkeypatch):
     always = property(lambda _: True, lambda _, asked: None)
     monkeypatch.setattr(Interrupt, "asked", always, raising=False)
-    result = invoke(*arguments(data, tmp_path, "--epochs", "2"))
+    result = train(*arguments(data, tmp_path, "--epochs", "2"))
     assert result.exit_code == 130
     assert "interrupted after 0 epochs; continue with: mcpseg" in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mcpnet-holdout2.checkpoint"]
     monkeypatch.undo()
-    assert invoke(*arguments(data, tmp_path, "--epochs", "2", "--resume", "-q")).exit_code == 0
+    assert train(*arguments(data, tmp_path, "--epochs", "2", "--resume", "-q")).exit_code == 0
 
 
 def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_path):
@@ -169,9 +145,11 @@ def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_pa
     words = arguments(data, tmp_path / "two", *options)
     launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     launch += ["-m", "mcpseg_cli", "train"]
-    subprocess.run([sys.executable, *launch, *words], check=True, capture_output=True, timeout=120)
+    subprocess.run(
+        [sys.executable, *launch, *words], check=True, capture_output=True, timeout=MOST_S
+    )
     config = write_config(tmp_path, "[train]\nbatches_per_step = 2\n")
-    result = invoke(*arguments(data, tmp_path / "one", *options, "--config", config))
+    result = train(*arguments(data, tmp_path / "one", *options, "--config", config))
     assert result.exit_code == 0, result.stderr
     one, two = (
         load_file(tmp_path / part / "pointnet-holdout2.safetensors") for part in ("one", "two")
@@ -188,16 +166,16 @@ def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_pa
 
 def test_json_is_one_document_and_folds_are_a_list(data, tmp_path):
     words = (data, "--holdout", "all", *SMALL, "-o", tmp_path, "--net", "voxnet", "--epochs", "1")
-    result = invoke(*words, "--json", "-q")
+    result = train(*words, "--json", "-q")
     document = json.loads(result.stdout)
     assert [record["holdout"] for record in document] == [1, 2]
     assert {path.stem for path in tmp_path.iterdir()} == {"voxnet-holdout1", "voxnet-holdout2"}
-    again = invoke(*words, "--resume")
+    again = train(*words, "--resume")
     assert again.stderr.count("nothing to do") == 2
 
 
 def test_everything_can_be_trained_on(data, tmp_path):
-    result = invoke(
+    result = train(
         data, "--holdout", "none", *SMALL, "-o", tmp_path, "--epochs", "1", "--name", "mine", "-q"
     )
     record = json.loads((tmp_path / "mine.json").read_text())
@@ -218,9 +196,7 @@ def test_paths_that_are_no_utf8_are_written_as_escapes(tmp_path):
     ]
     command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
     command += ["--name", b"a\xfd", "--epochs", "1"]
-    result = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
-    )
+    result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     record = json.loads((output / os.fsdecode(b"a\xfd.json")).read_text())
     assert "d\\xff" in record["command"]
@@ -236,7 +212,7 @@ def test_fine_tuning_for_other_classes(data, trained, tmp_path):
     table.write_text("label,class\nfloor,ground\nwall,wall\n")
     first = trained / "mcpnet-holdout2.safetensors"
     words = (data, "--holdout", "none", "--batch-size", "64", "-w", first, "--classes", table)
-    result = invoke(*words, "--epochs", "1", "-o", tmp_path / "out")
+    result = train(*words, "--epochs", "1", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     assert "classes that start afresh: ground" in result.stderr
     info = load_weights(tmp_path / "out" / "mcpnet-all.safetensors").info
@@ -245,7 +221,7 @@ def test_fine_tuning_for_other_classes(data, trained, tmp_path):
 
 
 def test_what_is_there_is_not_overwritten_unasked(data, trained):
-    result = invoke(*arguments(data, trained, "--epochs", "4"))
+    result = train(*arguments(data, trained, "--epochs", "4"))
     assert result.exit_code == 1
     assert "mcpnet-holdout2.safetensors: is there; expected a new name" in result.stderr
 
@@ -262,7 +238,7 @@ def test_what_is_there_stays_until_training_can_start(what, data, trained, tmp_p
     }[what]
     output = tmp_path / "out"
     shutil.copytree(trained, output)
-    result = invoke(*arguments(data, output, "--overwrite", *options))
+    result = train(*arguments(data, output, "--overwrite", *options))
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
     for path in trained.iterdir():
@@ -272,13 +248,13 @@ def test_what_is_there_stays_until_training_can_start(what, data, trained, tmp_p
 def test_overwriting_trains_anew(data, trained, tmp_path):
     output = tmp_path / "out"
     shutil.copytree(trained, output)
-    result = invoke(*arguments(data, output, "--overwrite", "--epochs", "1", "--lr", "0.5"))
+    result = train(*arguments(data, output, "--overwrite", "--epochs", "1", "--lr", "0.5"))
     assert result.exit_code == 0, result.stderr
     assert json.loads((output / "mcpnet-holdout2.json").read_text())["epochs"] == 1
 
 
 def test_changed_settings_are_named_when_resuming(data, trained):
-    result = invoke(*arguments(data, trained, "--epochs", "4", "--lr", "0.5", "--resume"))
+    result = train(*arguments(data, trained, "--epochs", "4", "--lr", "0.5", "--resume"))
     assert result.exit_code == 1
     assert "--lr 0.001, now 0.5" in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -311,10 +287,10 @@ lamp = "-"
 def test_the_settings_written_beside_the_weights_give_the_same_training(data, tmp_path):
     config = write_config(tmp_path, RARE)
     words = (data, "--holdout", "2", "-q")
-    result = invoke(*words, *SMALL, "--epochs", "2", "--config", config, "-o", tmp_path / "one")
+    result = train(*words, *SMALL, "--epochs", "2", "--config", config, "-o", tmp_path / "one")
     assert result.exit_code == 0, result.stderr
     written = tmp_path / "one" / "mcpnet-holdout2.toml"
-    result = invoke(*words, "--config", written, "-o", tmp_path / "two")
+    result = train(*words, "--config", written, "-o", tmp_path / "two")
     assert result.exit_code == 0, result.stderr
     one, two = (tmp_path / part / "mcpnet-holdout2.json" for part in ("one", "two"))
     first, second = (TrainRecord.model_validate_json(path.read_bytes()) for path in (one, two))
@@ -326,7 +302,7 @@ def test_the_settings_written_beside_the_weights_give_the_same_training(data, tm
 def test_options_win_over_the_settings_file(data, tmp_path):
     config = write_config(tmp_path, RARE)
     words = ("--epochs", "1", "--augment", "none", "--range", "1.5", "--config", config)
-    result = invoke(data, "--holdout", "2", *SMALL, *words, "-o", tmp_path / "out", "-q")
+    result = train(data, "--holdout", "2", *SMALL, *words, "-o", tmp_path / "out", "-q")
     assert result.exit_code == 0, result.stderr
     record = (tmp_path / "out" / "mcpnet-holdout2.json").read_bytes()
     identity = TrainRecord.model_validate_json(record).identity
@@ -339,7 +315,7 @@ def test_options_win_over_the_settings_file(data, tmp_path):
 
 def test_a_bad_settings_file_is_one_line_that_names_it(data, tmp_path):
     config = write_config(tmp_path, "[train]\nepoch = 3\n")
-    result = invoke(*arguments(data, tmp_path / "out", "--config", config))
+    result = train(*arguments(data, tmp_path / "out", "--config", config))
     assert result.exit_code == 1
     assert "settings.toml: unknown [train] epoch; expected some of architecture" in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -348,7 +324,7 @@ def test_a_bad_settings_file_is_one_line_that_names_it(data, tmp_path):
 
 def test_a_second_process_is_refused(data, tmp_path):
     with exclusive(tmp_path, "mcpnet-holdout2.lock"):
-        result = invoke(*arguments(data, tmp_path))
+        result = train(*arguments(data, tmp_path))
     assert result.exit_code == 1
     assert "another mcpseg is writing there" in result.stderr
 
@@ -366,20 +342,20 @@ def test_a_second_process_is_refused(data, tmp_path):
     ],
 )
 def test_bad_input_is_one_line(options, words, data, tmp_path):
-    result = invoke(*arguments(data, tmp_path / "out", *options))
+    result = train(*arguments(data, tmp_path / "out", *options))
     assert result.exit_code == 1
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 
 def test_bad_data_is_one_line(tmp_path):
-    assert "no such folder; expected ray-traced areas" in invoke(tmp_path / "none").stderr
+    assert "no such folder; expected ray-traced areas" in train(tmp_path / "none").stderr
     (tmp_path / "empty").mkdir()
-    assert "no raytrace.json in it" in invoke(tmp_path / "empty").stderr
+    assert "no raytrace.json in it" in train(tmp_path / "empty").stderr
     area = write_area(tmp_path / "d" / "Area_6", 1)
-    assert "only areas of number 6" in invoke(tmp_path / "d").stderr
+    assert "only areas of number 6" in train(tmp_path / "d").stderr
     (area / "gt").rename(area / "old")
-    result = invoke(tmp_path / "d")
+    result = train(tmp_path / "d")
     assert result.exit_code == 1
     assert "Area_6: no gt; expected scans/, gt/ and poses.csv" in result.stderr
 
@@ -394,13 +370,13 @@ def test_bad_data_is_one_line(tmp_path):
     ],
 )
 def test_options_out_of_range_are_usage_errors_that_name_the_option(data, option, said):
-    result = invoke(data, "--holdout", "2", option, "-1")
+    result = train(data, "--holdout", "2", option, "-1")
     assert result.exit_code == 2
     assert said in " ".join(result.stderr.replace("│", " ").split())
 
 
 def test_help_has_examples_and_few_options():
-    text = invoke("--help").stdout
+    text = train("--help").stdout
     assert "Examples:" in text
     options = {word for line in text.splitlines() for word in re.findall(r"^  (-[^ ,]*)", line)}
     assert 20 < len(options) <= 25
@@ -411,7 +387,7 @@ def test_help_says_the_defaults_that_the_settings_have():
     settings |= {name: each.default for name, each in SampleSettings.model_fields.items()}
     called = {option_of(name): name for name in settings}
     told = dict.fromkeys(["architecture", "epochs", "learning_rate", "schedule", "precision"])
-    text = " ".join(invoke("--help").stdout.split())
+    text = " ".join(train("--help").stdout.split())
     for option, default in re.findall(r"(--[a-z-]+) [^[]*\[default: ([\w.-]+)\]", text):
         name = called.get(option)
         if name is not None and option not in ("--batch-size", "--context"):

@@ -1,23 +1,17 @@
 """``mcpseg train --net unet`` from areas to a labelled map."""
 
 import json
-import os
-import subprocess
-import sys
-import time
 import tomllib
 from pathlib import Path
 
 import pytest
-import torch
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.networks.unet import UNet
 from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.train.settings_file import read_settings
 from tests.areas import CLASSES, write_area
+from tests.commands import invoke, segment, start, wait_until
 
 NAME = "unet-holdout2"
 SETTINGS = """
@@ -32,14 +26,6 @@ most_voxels = 700
 [augment]
 grey = 0.0
 """
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +43,7 @@ def words_of(data: Path, output: Path, *options: object, config: Path | None = N
 
 
 def train(*words: str):
-    result = CliRunner().invoke(app, ["train", *words])
+    result = invoke("train", *words)
     assert result.exit_code == 0, result.stderr
     return result
 
@@ -124,13 +110,8 @@ def test_the_settings_written_beside_the_weights_give_the_same_training(data, tr
 
 def test_a_killed_training_resumes_to_the_same_bytes(data, trained, tmp_path):
     words = words_of(data, tmp_path, "--net", "unet", "--epochs", "3", "--seed", "3")
-    command = [sys.executable, "-m", "mcpseg_cli", "train", *words]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
-    while not (tmp_path / f"{NAME}.checkpoint").exists() and process.poll() is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    process = start("train", *words)
+    wait_until((tmp_path / f"{NAME}.checkpoint").exists, process)
     process.kill()
     process.wait()
     assert not (tmp_path / f"{NAME}.json").exists()
@@ -143,9 +124,9 @@ def test_a_killed_training_resumes_to_the_same_bytes(data, trained, tmp_path):
 @pytest.mark.parametrize("options", [(), ("--offline",)])
 def test_the_weights_label_scans(data, trained, options, tmp_path):
     area = data / "Area_2"
-    words = ("segment", area / "scans", area / "poses.csv", "-o", tmp_path / "out", "-q")
-    weights = ("-w", trained / f"{NAME}.safetensors")
-    result = CliRunner().invoke(app, [*map(str, (*words, *weights)), *options])
+    recording = (area / "scans", area / "poses.csv")
+    weights = trained / f"{NAME}.safetensors"
+    result = segment(recording, tmp_path / "out", "-q", "-w", weights, *options)
     assert result.exit_code == 0, result.stderr
     cloud = read_cloud(tmp_path / "out" / "map.ply")
     assert cloud.classes == CLASSES
@@ -154,19 +135,11 @@ def test_the_weights_label_scans(data, trained, options, tmp_path):
 
 def test_the_method_by_name_takes_these_weights(data, trained, tmp_path):
     area = data / "Area_2"
-    words = (
-        "segment",
-        area / "scans",
-        area / "poses.csv",
-        "-o",
-        tmp_path / "out",
-        "-q",
-        "--method",
-    )
-    weights = ("-w", trained / f"{NAME}.safetensors")
-    right = CliRunner().invoke(app, [*map(str, (*words, "unet", *weights))])
+    recording = (area / "scans", area / "poses.csv")
+    options = ("-q", "-w", trained / f"{NAME}.safetensors", "--method")
+    right = segment(recording, tmp_path / "out", *options, "unet")
     assert right.exit_code == 0, right.stderr
-    wrong = CliRunner().invoke(app, [*map(str, (*words, "mcpnet", *weights))])
+    wrong = segment(recording, tmp_path / "out", *options, "mcpnet")
     assert wrong.exit_code != 0
     assert "weights of unet; expected weights of mcpnet" in wrong.stderr
 
@@ -182,7 +155,7 @@ def test_changed_windows_are_named_when_resuming(data, trained, tmp_path):
     (tmp_path / "b.toml").write_text(SETTINGS.replace("most_voxels = 700", "most_voxels = 701"))
     options = ("--net", "unet", "--epochs", "3", "--seed", "3", "--resume")
     words = words_of(data, trained, *options, config=tmp_path / "b.toml")
-    result = CliRunner().invoke(app, ["train", *words])
+    result = invoke("train", *words)
     assert result.exit_code == 1
     assert "made with [windows] most_voxels 700, now 701; expected the same" in result.stderr
     assert len(result.stderr.splitlines()) == 1

@@ -8,16 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.config import AugmentSettings
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.train.folds import find_areas
 from mcpseg_cli.train.settings_file import read_settings
 from tests.areas import write_area
+from tests.commands import invoke
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = EXAMPLES.parent / "models"
@@ -112,7 +111,7 @@ def test_every_command_has_only_options_that_exist(script):
         if program == "python":
             continue
         if name not in helps:
-            helps[name] = CliRunner().invoke(app, [name, "--help"]).stdout
+            helps[name] = invoke(name, "--help").stdout
         for option in (word for word in rest if word.startswith("-")):
             assert option in helps[name], (name, option)
 

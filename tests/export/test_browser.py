@@ -23,7 +23,7 @@ SOFTWARE_GL = [
     "--enable-unsafe-swiftshader",
 ]
 SCENE = {"x": 260, "y": 20, "width": 500, "height": 480}  # part of the window that nothing covers
-MOST_S = 20.0
+MOST_S = 60.0
 
 
 class Opened:

@@ -7,15 +7,14 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.export import html as module
 from mcpseg_cli.export.colours import instance_colours
 from mcpseg_cli.export.html import write_html
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.segment.labelled_run import LabelledRun
+from tests.commands import invoke
 from tests.pages import read_page
 
 pytest.importorskip("k3d", reason="the page is drawn by K3D, the extra 'html'")
@@ -117,9 +116,7 @@ def test_without_k3d_one_line_says_what_to_install(run, tmp_path, monkeypatch):
 
 def test_the_command_writes_the_page(labelled_run, tmp_path):
     output = tmp_path / "map.html"
-    result = CliRunner().invoke(
-        app, ["export", str(labelled_run.out), "-o", str(output), "--color", "instance"]
-    )
+    result = invoke("export", labelled_run.out, "-o", output, "--color", "instance")
     assert result.exit_code == 0
     assert "points" in result.stdout
     assert read_page(output)[0]["colour"] == "instance"

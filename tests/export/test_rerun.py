@@ -6,14 +6,13 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from mcpseg_cli.cli import app
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export import rerun as module
 from mcpseg_cli.export.rerun import write_recording
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.segment.labelled_run import LabelledRun
+from tests.commands import segment
 
 pytest.importorskip("rerun", reason="recordings are written by rerun-sdk, the extra 'rerun'")
 
@@ -90,15 +89,13 @@ def test_without_rerun_one_line_says_what_to_install(run, tmp_path, monkeypatch)
     assert not list(tmp_path.iterdir())
 
 
-def segment(labelled_run, weights_path, output, *options):
-    poses = labelled_run.scans.parent / "poses.csv"
-    arguments = (labelled_run.scans, poses, "-o", output, "-w", weights_path, "-q", *options)
-    return CliRunner().invoke(app, ["segment", *map(str, arguments)])
+def label(labelled_run, weights_path, output, *options):
+    return segment(labelled_run.recording, output, "-w", weights_path, "-q", *options)
 
 
 def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path):
     recording = tmp_path / "live.rrd"
-    result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
+    result = label(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
     assert result.exit_code == 0
     logged = read_recording(recording)
     with LabelledRun(tmp_path / "out") as run:
@@ -111,7 +108,7 @@ def test_segment_tells_rerun_of_every_scan(labelled_run, weights_path, tmp_path)
 def test_a_continued_run_shows_what_was_labelled_before(labelled_run, weights_path, tmp_path):
     shutil.copytree(labelled_run.out, tmp_path / "out")
     recording = tmp_path / "again.rrd"
-    result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
+    result = label(labelled_run, weights_path, tmp_path / "out", "--rerun", recording)
     assert result.exit_code == 0
     found = np.concatenate(points_by_scan(read_recording(recording), "positions"))
     with LabelledRun(tmp_path / "out") as run:
@@ -123,7 +120,7 @@ def test_a_viewer_that_is_none_is_refused_in_one_line(
     labelled_run, weights_path, tmp_path, target, monkeypatch
 ):
     monkeypatch.setattr("mcpseg_cli.export.live_map._ANSWER_S", 0.5)
-    result = segment(labelled_run, weights_path, tmp_path / "out", "--rerun", target)
+    result = label(labelled_run, weights_path, tmp_path / "out", "--rerun", target)
     assert result.exit_code == 1
     assert target in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -132,8 +129,8 @@ def test_a_viewer_that_is_none_is_refused_in_one_line(
 def test_a_viewer_that_is_not_there_leaves_an_earlier_run_as_it_was(
     labelled_run, weights_path, tmp_path
 ):
-    assert segment(labelled_run, weights_path, tmp_path / "out").exit_code == 0
+    assert label(labelled_run, weights_path, tmp_path / "out").exit_code == 0
     before = (tmp_path / "out/map.ply").read_bytes()
     options = ("--overwrite", "--rerun", "window")
-    assert segment(labelled_run, weights_path, tmp_path / "out", *options).exit_code == 1
+    assert label(labelled_run, weights_path, tmp_path / "out", *options).exit_code == 1
     assert (tmp_path / "out/map.ply").read_bytes() == before

@@ -8,15 +8,14 @@ import pytest
 import torch
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
 from mcpseg_cli.scan import Scan
+from tests.commands import segment
 
 CLASS_ONLY = ["pointnet", "pointnet2", "voxnet"]
 
@@ -92,10 +91,9 @@ def test_the_same_walk_gives_the_same_labels(architecture):
     assert labels[0] == labels[1]
 
 
-def segment(folder: Path, scans: Path, poses: Path, *options: str) -> dict[str, object]:
-    files = (scans, poses, "-o", folder / "out", "-w", folder / "w.safetensors")
-    command = ["segment", *map(str, files), "--json", "-q", *options]
-    result = CliRunner().invoke(app, command)
+def report_of(folder: Path, scans: Path, poses: Path) -> dict[str, object]:
+    options = ("-w", folder / "w.safetensors", "--json", "-q")
+    result = segment((scans, poses), folder / "out", *options)
     assert result.exit_code == 0, result.stderr
     return json.loads(result.stdout)
 
@@ -110,12 +108,12 @@ def test_the_command_takes_a_baseline_and_continues_its_run(tmp_path, make_recor
     last.rename(tmp_path / last.name)
     lines = poses.read_text()
     poses.write_text("\n".join(lines.splitlines()[:-1]))
-    assert segment(tmp_path, scans, poses)["scans"] == 3
+    assert report_of(tmp_path, scans, poses)["scans"] == 3
 
     # and the last
     (tmp_path / last.name).rename(last)
     poses.write_text(lines)
-    assert segment(tmp_path, scans, poses)["resumed_from"] == 3
+    assert report_of(tmp_path, scans, poses)["resumed_from"] == 3
 
     configuration = json.loads((tmp_path / "out/run.json").read_text())["configuration"]
     assert (configuration["batch_size"], configuration["similarity"]) == (1024, 0.98)

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
 from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.formats import read_cloud
@@ -15,14 +13,7 @@ from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
 from mcpseg_cli.scan import Scan
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+from tests.commands import segment
 
 
 @pytest.fixture(scope="module")
@@ -231,23 +222,24 @@ def test_confidence_is_cooled_by_the_temperature_of_the_weights(weights):
 
 @pytest.mark.parametrize("options", [(), ("--offline",)])
 def test_the_command_labels_with_the_network_that_sees_the_room(
-    weights, options, make_recording, tmp_path
+    weights, options, recording, tmp_path
 ):
-    scans, poses = make_recording(tmp_path / "in")
-    made = weights["unet"]
+    made, options = weights["unet"], (*options, "-q")
     save_weights(tmp_path / "w.safetensors", made.network, made.info)
-    words = (
-        "segment",
-        scans,
-        poses,
-        "-o",
-        tmp_path / "out",
-        "-w",
-        tmp_path / "w.safetensors",
-        "-q",
-    )
-    result = CliRunner().invoke(app, [*map(str, words), *options])
+    result = segment(recording, tmp_path / "out", "-w", tmp_path / "w.safetensors", *options)
     assert result.exit_code == 0, result.stderr
     cloud = read_cloud(tmp_path / "out" / "map.ply")
     assert len(cloud.xyz) > 100
     assert (cloud.label("semantic") < 13).all()
+
+
+@pytest.mark.parametrize("architecture", ["mcpnet", "unet"])
+def test_two_threads_label_as_one_does(weights, architecture):
+    labels = []
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        segmenter = make_segmenter(weights[architecture])
+        walk(segmenter)
+        labels.append((segmenter.semantic, segmenter.clusters.instance, segmenter.confidence))
+    for one, two in zip(*labels, strict=True):
+        np.testing.assert_array_equal(one, two)

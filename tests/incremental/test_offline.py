@@ -6,45 +6,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
-from mcpseg_cli.classes import S3DIS_CLASSES
-from mcpseg_cli.cli import app
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.offline import split_blocks
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
 from mcpseg_cli.segment.run import SegmentRun
+from tests.commands import outputs_of, segment
+from tests.recordings import write_weights
 
 
 @pytest.fixture(scope="module")
 def pointnet(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("weights") / "pointnet.safetensors"
-    info = WeightsInfo(architecture="pointnet", classes=S3DIS_CLASSES)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(3)
-        save_weights(path, build_network(info), info)
-    return path
-
-
-@pytest.fixture
-def recording(make_recording, tmp_path):
-    return make_recording(tmp_path / "input")
-
-
-def segment(recording, output, *options: object):
-    return CliRunner().invoke(app, ["segment", *map(str, (*recording, "-o", output, *options))])
+    return write_weights(path, "pointnet", seed=3)
 
 
 def offline(recording, output, weights, *options: object):
     return segment(recording, output, "-w", weights, "--offline", "--precision", "fp32", *options)
-
-
-def outputs_of(folder: Path) -> dict[str, bytes]:
-    files = [folder / "map.ply", folder / "objects.json", *sorted((folder / "scans").iterdir())]
-    return {file.name: file.read_bytes() for file in files}
 
 
 @settings(max_examples=50, deadline=None)

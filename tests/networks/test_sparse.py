@@ -20,13 +20,6 @@ FAR = np.array([1 << 13, 0, 0], np.int32)  # voxels between two windows
 OFFSETS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
 
 
-@pytest.fixture(autouse=True)
-def _threads_as_before():
-    before = torch.get_num_threads()
-    yield
-    torch.set_num_threads(before)
-
-
 def make_window(seed: int, count: int = 200, width: int = 8, centre: int = 0) -> np.ndarray:
     """(V, 3) int32 distinct voxels in random order, on both sides of ``centre``."""
     rng = np.random.default_rng(seed)

@@ -19,14 +19,6 @@ from mcpseg_cli.networks.weights import NETWORKS
 from tests.networks.test_sparse import FAR, make_window
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 def inputs_of(voxel: np.ndarray, seed: int = 0) -> torch.Tensor:
     return torch.randn(len(voxel), NUM_INPUTS, generator=torch.Generator().manual_seed(seed))
 

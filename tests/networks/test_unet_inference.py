@@ -17,14 +17,6 @@ from tests.networks.test_unet import assert_alike, inputs_of, judge
 CPU = torch.device("cpu")
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 @pytest.mark.parametrize("count", [1, 60, 700])
 def test_it_says_the_same_and_leaves_the_network_as_it_is(unet, count):
     voxel = make_window(7, count, width=10)

@@ -5,13 +5,21 @@ import random
 import resource
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import write_recording
+from tests.commands import (
+    MOST_S,
+    command,
+    kill_at_random,
+    num_events,
+    outputs_of,
+    run_to_its_end,
+    start,
+    wait_until,
+)
+from tests.recordings import write_recording
 
 _NUM_SCANS = 500
 _FEW_SCANS = 40
@@ -20,7 +28,7 @@ _FEW_KILLS = 6
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory) -> tuple[Path, Path]:
+def long_recording(tmp_path_factory) -> tuple[Path, Path]:
     return write_recording(tmp_path_factory.mktemp("long"), num_scans=_NUM_SCANS)
 
 
@@ -33,68 +41,31 @@ def short_recording(tmp_path_factory) -> tuple[Path, Path]:
 def short_outputs(short_recording, weights_path, tmp_path_factory) -> dict[str, bytes]:
     """The outputs of a run of the short recording that nothing stopped."""
     out = tmp_path_factory.mktemp("whole") / "out"
-    run_to_its_end(short_recording, out, weights_path)
+    run_to_its_end(*words_of(short_recording, out, weights_path))
     return outputs_of(out)
 
 
-def command(recording, output: Path, weights_path: Path, *options: str) -> list[str]:
-    words = ["segment", *recording, "-o", output, "-w", weights_path, "-q", *options]
-    return [sys.executable, "-m", "mcpseg_cli", *map(str, words)]
-
-
-def run_to_its_end(recording, output: Path, weights_path: Path, *options: str) -> None:
-    words = command(recording, output, weights_path, *options)
-    subprocess.run(words, check=True, capture_output=True)
-
-
-def outputs_of(folder: Path) -> dict[str, bytes]:
-    files = [folder / "map.ply", folder / "objects.json", *sorted((folder / "scans").iterdir())]
-    return {file.name: file.read_bytes() for file in files}
-
-
-def num_events(folder: Path) -> int:
-    path = folder / "events.jsonl"
-    return path.read_bytes().count(b"\n") if path.exists() else 0
-
-
-def kill_at_random(process: subprocess.Popen, output: Path, rng: random.Random) -> bool:
-    """Kill while starting, or some milliseconds after the first new scan; False if done before."""
-    before = num_events(output)
-
-    # the moment
-    if rng.random() < 0.15:
-        time.sleep(rng.uniform(0.0, 3.0))
-    else:
-        while num_events(output) == before and process.poll() is None:
-            time.sleep(0.002)
-        time.sleep(rng.uniform(0.0, 0.12))
-
-    if process.poll() is not None:
-        return False
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    return True
+def words_of(recording, output: Path, weights: Path, *options: str) -> tuple[object, ...]:
+    return ("segment", *recording, "-o", output, "-w", weights, "-q", *options)
 
 
 def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
-    recording, tmp_path, weights_path
+    long_recording, tmp_path, weights_path
 ):
-    run_to_its_end(recording, tmp_path / "whole", weights_path)
+    run_to_its_end(*words_of(long_recording, tmp_path / "whole", weights_path))
 
     # killed again and again, each time further on
     rng, advanced = random.Random(0), 0
     for kills in range(_KILLS):
         before = num_events(tmp_path / "out")
-        process = subprocess.Popen(
-            command(recording, tmp_path / "out", weights_path), stdout=subprocess.DEVNULL
-        )
+        process = start(*words_of(long_recording, tmp_path / "out", weights_path))
         is_killed = kill_at_random(process, tmp_path / "out", rng)
         assert is_killed, f"finished after {kills} kills: too few scans"
         advanced += num_events(tmp_path / "out") > before
     assert advanced >= _KILLS // 2
 
     # then left to finish
-    run_to_its_end(recording, tmp_path / "out", weights_path)
+    run_to_its_end(*words_of(long_recording, tmp_path / "out", weights_path))
     assert len(json.loads((tmp_path / "out/objects.json").read_text())) > 0
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
     assert num_events(tmp_path / "out") == _NUM_SCANS
@@ -103,16 +74,15 @@ def test_a_run_killed_twenty_times_ends_byte_for_byte_like_one_never_killed(
 @pytest.mark.parametrize("weights", ["unet_path", "weights_path"])
 def test_labels_that_improve_survive_kills_too(short_recording, tmp_path, request, weights):
     path = request.getfixturevalue(weights)
-    run_to_its_end(short_recording, tmp_path / "whole", path, "--labelling", "fused")
+    run_to_its_end(*words_of(short_recording, tmp_path / "whole", path, "--labelling", "fused"))
 
     rng = random.Random(1)
-    words = command(short_recording, tmp_path / "out", path, "--labelling", "fused")
+    words = words_of(short_recording, tmp_path / "out", path, "--labelling", "fused")
     for _ in range(_FEW_KILLS):
-        process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
-        if not kill_at_random(process, tmp_path / "out", rng):
+        if not kill_at_random(start(*words), tmp_path / "out", rng):
             break
 
-    run_to_its_end(short_recording, tmp_path / "out", path, "--labelling", "fused")
+    run_to_its_end(*words)
     assert outputs_of(tmp_path / "out") == outputs_of(tmp_path / "whole")
     assert num_events(tmp_path / "out") == _FEW_SCANS
 
@@ -126,7 +96,7 @@ def test_a_full_disk_ends_with_one_line_and_resumes_after_space_is_made(
 
     # no file can grow any more
     full = subprocess.run(
-        command(short_recording, tmp_path / "out", weights_path),
+        command(*words_of(short_recording, tmp_path / "out", weights_path)),
         preexec_fn=limit_file_size,
         capture_output=True,
         text=True,
@@ -138,25 +108,20 @@ def test_a_full_disk_ends_with_one_line_and_resumes_after_space_is_made(
     assert num_events(tmp_path / "out") < _FEW_SCANS
 
     # there is room again
-    run_to_its_end(short_recording, tmp_path / "out", weights_path)
+    run_to_its_end(*words_of(short_recording, tmp_path / "out", weights_path))
     assert outputs_of(tmp_path / "out") == short_outputs
 
 
 def test_ctrl_c_finishes_the_scan_commits_exits_130_and_says_how_to_go_on(
-    recording, tmp_path, weights_path
+    long_recording, tmp_path, weights_path
 ):
-    process = subprocess.Popen(
-        command(recording, tmp_path / "out", weights_path),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    while num_events(tmp_path / "out") < 5 and process.poll() is None:
-        time.sleep(0.005)
+    words = words_of(long_recording, tmp_path / "out", weights_path)
+    process = start(*words, stderr=subprocess.PIPE)
+    wait_until(lambda: num_events(tmp_path / "out") >= 5, process)
 
     # the scan at hand is finished first
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=MOST_S)
     done = num_events(tmp_path / "out")
 
     assert process.returncode == 130

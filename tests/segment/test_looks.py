@@ -22,8 +22,9 @@ from mcpseg_cli.segment.map_changes import LabelChanges
 from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
-from tests.conftest import write_recording
-from tests.segment.test_run import events_of, outputs_of, run_all
+from tests.commands import outputs_of
+from tests.recordings import write_recording
+from tests.segment.test_run import events_of, run_all
 
 _NUM_SCANS = 6
 

@@ -21,7 +21,8 @@ from mcpseg_cli.segment.map_ply import LabelledMap
 from mcpseg_cli.segment.outputs import Outputs
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
-from tests.conftest import write_recording
+from tests.commands import outputs_of
+from tests.recordings import write_recording
 
 
 class Interrupted(BaseException):
@@ -52,12 +53,6 @@ def whole_outputs(tmp_path_factory, weights_path) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("whole")
     run_all(write_recording(folder / "input", num_scans=5), folder / "out", weights_path)
     return outputs_of(folder / "out")
-
-
-def outputs_of(folder: Path) -> dict[str, bytes]:
-    """The outputs that must not depend on interruptions."""
-    files = [folder / "map.ply", folder / "objects.json", *sorted((folder / "scans").iterdir())]
-    return {file.name: file.read_bytes() for file in files}
 
 
 def events_of(folder: Path) -> list[dict]:

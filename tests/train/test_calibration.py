@@ -16,15 +16,7 @@ from mcpseg_cli.train.calibration import calibrate, calibration_of, fit_temperat
 from mcpseg_cli.train.samples import prepare_samples
 from mcpseg_cli.train.windows import WindowSource
 from tests.areas import CLASSES, write_area
-from tests.cli.test_train import invoke
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+from tests.commands import invoke
 
 
 def draw(temperature: float, count: int = 20_000):
@@ -104,7 +96,7 @@ def test_training_writes_the_temperature_into_weights_card_and_record(area, tmp_
     write_area(tmp_path / "data/Area_1", 4, seed=1, density=4)
     (tmp_path / "data/Area_9").symlink_to(area)
     options = ["--net", "unet", "--epochs", "1", "-q", "-o", tmp_path / "out"]
-    result = invoke(tmp_path / "data", "--holdout", "9", *options)
+    result = invoke("train", tmp_path / "data", "--holdout", "9", *options)
     assert result.exit_code == 0, result.stderr
     info = load_weights(tmp_path / "out/unet-holdout9.safetensors").info
     card = (tmp_path / "out/unet-holdout9.md").read_text()
@@ -114,7 +106,7 @@ def test_training_writes_the_temperature_into_weights_card_and_record(area, tmp_
     assert '"error_before"' in (tmp_path / "out/unet-holdout9.json").read_text()
 
     # nothing held out, nothing to fit on
-    assert invoke(tmp_path / "data", "--holdout", "none", *options).exit_code == 0
+    assert invoke("train", tmp_path / "data", "--holdout", "none", *options).exit_code == 0
     assert load_weights(tmp_path / "out/unet-all.safetensors").info.temperature == 1.0
     assert "## Confidence" not in (tmp_path / "out/unet-all.md").read_text()
 

@@ -22,6 +22,7 @@ from mcpseg_cli.train.folds import find_areas
 from mcpseg_cli.train.replay import Replay, founding_points, list_scans
 from mcpseg_cli.train.samples import AreaSamples, prepare_samples
 from tests.areas import CLASSES, write_area
+from tests.commands import MOST_S
 
 SETTINGS = SampleSettings(seen_again=40)
 
@@ -294,7 +295,7 @@ def test_other_processes_read_the_same(area, method):
     queue = processes.Queue()
     child = processes.Process(target=send_digest, args=(samples, queue))
     child.start()
-    assert queue.get(timeout=60) == expected
+    assert queue.get(timeout=MOST_S) == expected
     child.join()
 
 

@@ -30,15 +30,6 @@ CLASSES = tuple("abcd")
 ARCHITECTURES = ["mcpnet", "mcpnet-nocontext", "pointnet", "pointnet2", "sgpn", "voxnet"]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _one_thread():
-    """Networks this small only wait for a second one."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 class World:
     """Batches of four objects, each of its own class, colour and place."""
 
