@@ -348,7 +348,7 @@ class AugmentSettings(BaseModel):
     tilt_deg: float = Field(default=0.0, ge=0.0, le=10.0)
     right_angle: _Share = 0.0
     holes: _Share = 0.0
-    hole_radius: float = Field(default=0.8, ge=0.0, le=10.0)
+    hole_radius: float = Field(default=0.0, ge=0.0, le=10.0)
     no_ceiling: _Share = 0.0
 
     @classmethod
@@ -365,6 +365,7 @@ class AugmentSettings(BaseModel):
             tilt_deg=0.7,
             right_angle=0.3,
             holes=0.4,
+            hole_radius=0.8,
             no_ceiling=0.3,
         )
 

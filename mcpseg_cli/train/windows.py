@@ -227,7 +227,7 @@ def _leave(scene: Scene, settings: AugmentSettings, rng: np.random.Generator) ->
     if count and rng.random() < settings.holes:
         for _ in range(rng.integers(1, _MOST_HOLES)):
             centre = scene.xyz[rng.integers(count)]
-            radius = rng.uniform(_SMALLEST_HOLE, settings.hole_radius)
+            radius = rng.uniform(_SMALLEST_HOLE, max(settings.hole_radius, _SMALLEST_HOLE))
             kept &= ((scene.xyz - centre) ** 2).sum(axis=1) > radius**2
     thinning = draw_thinning(settings, rng)
     if thinning:

@@ -76,9 +76,9 @@ def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, 
         lines.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
     (tmp_path / "kitti.txt").write_text("\n".join(lines) + "\n")
 
-    segment((scans, poses), tmp_path / "a", weights_path)
+    segment((scans, poses), tmp_path / "a", "-w", weights_path)
     result = segment(
-        (sensor, tmp_path / "kitti.txt"), tmp_path / "b", weights_path, "--frame", "sensor"
+        (sensor, tmp_path / "kitti.txt"), tmp_path / "b", "-w", weights_path, "--frame", "sensor"
     )
     assert result.exit_code == 0
     first, second = (read_cloud(tmp_path / name / "map.ply").xyz for name in "ab")
@@ -91,7 +91,7 @@ def test_sensor_frame_and_map_frame_give_the_same_map(make_recording, tmp_path, 
 
 def test_a_scan_without_colour_is_labelled_as_grey(make_recording, tmp_path, weights_path):
     result = segment(
-        make_recording(tmp_path / "input", colour=False), tmp_path / "out", weights_path
+        make_recording(tmp_path / "input", colour=False), tmp_path / "out", "-w", weights_path
     )
     assert result.exit_code == 0
     assert np.unique(read_cloud(tmp_path / "out/map.ply").rgb).tolist() == [128]
