@@ -108,6 +108,8 @@ def _add_moments(there: NDArray[np.float64], k: int, moments: NDArray[np.float64
 def _shape_of(moments: NDArray[np.float64], shape: NDArray[np.float32]) -> None:
     """Turn moments into linearity, planarity, scattering (Weinmann et al., 2015) and |normal z|.
 
+    A point alone has none of them.
+
     Eigenvalues in closed form (Smith, 1961); the normal is the longest cross product of two rows
     of the covariance less its least eigenvalue.
     """
@@ -124,9 +126,12 @@ def _shape_of(moments: NDArray[np.float64], shape: NDArray[np.float32]) -> None:
     d, e, f = xy / spread, xz / spread, yz / spread
     half = (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)) / 2
     angle = np.arccos(min(1.0, max(-1.0, half))) / 3
-    largest = max(mean + 2 * spread * np.cos(angle), _FLAT)
+    largest = mean + 2 * spread * np.cos(angle)
     least = mean + 2 * spread * np.cos(angle + 2 * np.pi / 3)
     middle = 3 * mean - largest - least
+    if largest < _FLAT:
+        shape[:] = 0
+        return
 
     # the direction that varies least
     a, b, c = xx - least, yy - least, zz - least

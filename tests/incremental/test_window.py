@@ -85,8 +85,17 @@ def test_a_pole_is_linear():
     np.testing.assert_allclose(describe(pole)[:, 10], 1, atol=1e-3)
 
 
-def test_a_voxel_alone_is_described_in_numbers():
-    assert np.isfinite(describe([[3, 4, 5]])).all()
+def test_a_voxel_alone_has_no_shape():
+    np.testing.assert_allclose(describe([[3, 4, 5]])[:, SURFACE], 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_shapes_are_shares_of_the_largest_spread(seed):
+    voxel, place = scatter(seed)
+    shape = describe(voxel, place)[:, SURFACE]
+    assert shape.min() >= -1e-6
+    assert shape.max() <= 1 + 1e-6
+    assert shape[:, :3].sum(axis=1).max() <= 1 + 1e-5
 
 
 def test_inputs_do_not_depend_on_where_the_window_is():
