@@ -36,6 +36,9 @@ Frame = Literal["map", "sensor"]
 Labelling = Literal["first", "fused"]
 """Which looks decide a voxel's class: the first (III-B), or all of them."""
 
+Clustering = Literal["paper", "graph"]
+"""What makes objects: any pair of similar neighbours (III-C), or all edges between two clusters."""
+
 FloorRule = Literal["map", "scan-min"]
 
 OnError = Literal["stop", "skip"]

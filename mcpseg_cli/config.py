@@ -8,6 +8,7 @@ from mcpseg_cli.choices import (
     Architecture,
     BestBy,
     ClassBalance,
+    Clustering,
     ContextWindow,
     FloorRule,
     Labelling,
@@ -59,11 +60,19 @@ class SegmentSettings(MapSettings):
         labelling: ``first``, labels stay as they were when a voxel was first seen (III-B), or
             ``fused``, evidence of all looks decides; None: what the method is made for.
         similarity: beta, cosine similarity above which neighbours are connected (III-C, IV-B).
+        clustering: ``paper``, similar neighbours are connected and never parted (III-C), or
+            ``graph``, average linkage of all evidence; None: what the method is made for.
+        affinity: Of the graph: mean affinity along a boundary above which two clusters are one
+            object.
+        object_voxels: Of the graph: voxels of the smallest object, unless its class is certain.
     """
 
     batch_size: int = Field(default=BATCH, ge=1, le=65536)
     similarity: float = Field(default=SIMILARITY, ge=-1.0, le=1.0)
     labelling: Labelling | None = None
+    clustering: Clustering | None = None
+    affinity: float = Field(default=0.7, ge=0.0, le=1.0)
+    object_voxels: int = Field(default=10, ge=1)
 
 
 class RegionGrowingSettings(BaseModel):

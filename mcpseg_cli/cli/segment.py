@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -64,6 +64,13 @@ def segment(
         typer.Option(
             help="Which looks decide a voxel's class: the first, as in the paper, or all that it "
             "gets, fused; --offline has one only.  [default: fused for unet, else first]"
+        ),
+    ] = None,
+    clustering: Annotated[
+        Clustering | None,
+        typer.Option(
+            help="What makes objects: any pair of similar neighbours, as in the paper, or all "
+            "evidence along their boundaries, graph.  [default: graph for unet, else paper]"
         ),
     ] = None,
     offline: Annotated[
@@ -152,7 +159,8 @@ def segment(
         "local_range": local_range,
         "similarity": similarity,
     }
-    given |= {"labelling": labelling, "floor": floor, "seed": seed}
+    given |= {"labelling": labelling, "clustering": clustering}
+    given |= {"floor": floor, "seed": seed}
     settings = settings_of(SegmentSettings, given)
     recording = open_recording(scans, poses, frame)
 

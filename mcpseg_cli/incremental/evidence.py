@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.networks.sparse import NUM_FORWARD
 
-_UNIT = 255  # evidence of one look of full weight
-_FULL = 65535 - _UNIT  # sums above this are halved before the next look
+UNIT = 255
+"""Evidence of one look of full weight."""
+
+_FULL = 65535 - UNIT  # sums above this are halved before the next look
 BLOCK = 64
 """Voxels, by id, whose evidence is written together."""
 
@@ -130,20 +132,27 @@ class Evidence:
         if look.affinity is not None:
             _add_affinities(look.ids, look.affinity, look.weight, self.together, self.apart)
 
-    def labels(self, ids: NDArray[np.int32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def labels(
+        self, ids: NDArray[np.int32], prior: NDArray[np.float32] | None = None
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Decide about voxels.
 
         Args:
             ids: (M,) int32; something must be known of each.
+            prior: (M, C) float32 shares of the classes in what each is a part of, rows of sum 1 or
+                0; they count as much as the voxel's own. None: they do not count.
 
         Returns:
             (M,) uint8 class with the most evidence, the lowest of equals, and (M,) float32 its
             share of all evidence, in hundredths.
         """
-        evidence = self.of_class[ids].astype(np.float32)
-        semantic = evidence.argmax(axis=1).astype(np.uint8)
-        share = evidence.max(axis=1, initial=0) / np.maximum(evidence.sum(axis=1), 1)
-        confidence = np.round(share * HUNDREDTHS) / np.float32(HUNDREDTHS)
+        shares = self.of_class[ids].astype(np.float32)
+        shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1)
+        if prior is not None:
+            shares += prior
+            shares /= 1 + prior.sum(axis=1, keepdims=True)
+        semantic = shares.argmax(axis=1).astype(np.uint8)
+        confidence = np.round(shares.max(axis=1, initial=0) * HUNDREDTHS) / np.float32(HUNDREDTHS)
         return semantic, confidence.astype(np.float32)
 
     def rows(self, start: int, stop: int) -> NDArray[np.uint16]:
@@ -201,7 +210,7 @@ def _add_classes(
         if known.max() > _FULL:
             known[:] = known >> 1
         for c in range(known.size):
-            known[c] += np.uint16(weight[row] * probability[row, c] * _UNIT + np.float32(0.5))
+            known[c] += np.uint16(weight[row] * probability[row, c] * UNIT + np.float32(0.5))
 
 
 @njit(cache=True)
@@ -220,6 +229,6 @@ def _add_affinities(
                 if max(together[i, k], apart[i, k]) > _FULL:
                     together[i, k] >>= 1
                     apart[i, k] >>= 1
-                share = weight[row] * affinity[row, k] * _UNIT + np.float32(0.5)
+                share = weight[row] * affinity[row, k] * UNIT + np.float32(0.5)
                 together[i, k] += np.uint16(share)
-                apart[i, k] += np.uint16(weight[row] * _UNIT + 1 - share)
+                apart[i, k] += np.uint16(weight[row] * UNIT + 1 - share)

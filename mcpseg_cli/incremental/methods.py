@@ -113,7 +113,7 @@ def make_labels(method: AnyMethod) -> FirstLooks:
     if isinstance(method, RoomNetwork):
         return AllLooks(method, len(method.classes), only_first=labelling == "first")
     if labelling != "fused":
-        return FirstLooks(method)
+        return FirstLooks(method, len(method.classes))
     if not isinstance(method, NetworkClassifier):
         raise McpsegError(
             f"--labelling fused: {method.name} tells no classes; expected a network; leave it out"
@@ -133,9 +133,11 @@ def make_method(
         McpsegError: The device does not exist here.
     """
     sees_windows = isinstance(method, Weights) and method.network.sees_windows
-    if settings.labelling is None:
-        own = "fused" if sees_windows else "first"
-        settings = settings.model_copy(update={"labelling": own})
+    own = {
+        "labelling": settings.labelling or ("fused" if sees_windows else "first"),
+        "clustering": settings.clustering or ("graph" if sees_windows else "paper"),
+    }
+    settings = settings.model_copy(update=own)
 
     if isinstance(method, RegionGrowingSettings):
         find_device(device)  # nothing runs there, but a name that is wrong is told

@@ -51,9 +51,10 @@ def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:
         classes: Class names that ``semantic`` indexes.
 
     Returns:
-        Every object, by id; empty for an empty map.
+        Every object, by id; empty for a map without any. Voxels of object 0 are of none.
     """
     order = np.argsort(rows.instance, kind="stable")
+    order = order[np.searchsorted(rows.instance[order], 1) :]
     ids, starts, counts = np.unique(rows.instance[order], return_index=True, return_counts=True)
     if len(ids) == 0:
         return []

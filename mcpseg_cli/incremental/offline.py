@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING, OFFLINE_BLOCK
-from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.floor import find_floor
+from mcpseg_cli.incremental.map_labels import AllLooks
+from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.methods import AnyMethod
+from mcpseg_cli.incremental.methods import AnyMethod, make_labels
 from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
@@ -37,16 +38,15 @@ def label_cloud(
         The map's rows, labels final, and the height of the floor under the last block, metres, map
         frame.
     """
+    if isinstance(method, RoomNetwork):
+        return _label_in_one_look(voxel_map, positions, method)
     num_voxels, settings = len(voxel_map), method.settings
     semantic, confidence = np.empty(num_voxels, np.uint8), np.empty(num_voxels, np.float32)
     embedding = np.empty((num_voxels, EMBEDDING), np.int16)
     floor: float | None = None
 
     # each block as if the robot stood in its middle
-    blocks = split_blocks(voxel_map.xyz, OFFLINE_BLOCK)
-    if isinstance(method, RoomNetwork):
-        blocks = iter([(positions[0, :2], np.arange(num_voxels, dtype=np.int32))])
-    for number, (middle, ids) in enumerate(blocks):
+    for number, (middle, ids) in enumerate(split_blocks(voxel_map.xyz, OFFLINE_BLOCK)):
         position = np.array([*middle, nearest_height(positions, middle)])
         floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz[ids], floor)
         rng = np.random.default_rng((settings.seed, number))
@@ -55,10 +55,33 @@ def label_cloud(
         embedding[ids] = found.embedding
 
     # one clustering of everything
-    everything = np.arange(num_voxels, dtype=np.int32)
-    clusters = Clusters(method.similarity)
-    clusters.add(embedding, method.partners(voxel_map, everything, embedding, embedding[:0]))
-    rows = MapRows(voxel_map.xyz, voxel_map.rgb, semantic, confidence, clusters.instance, embedding)
+    labels = make_labels(method)
+    labels.append(semantic, confidence)
+    objects = make_objects(method, labels)
+    objects.put_all_together(voxel_map, embedding)
+    rows = MapRows(voxel_map.xyz, voxel_map.rgb, semantic, confidence, objects.instance, embedding)
+    return rows, floor or 0.0
+
+
+def _label_in_one_look(
+    voxel_map: VoxelMap, positions: NDArray[np.float64], method: RoomNetwork
+) -> tuple[MapRows, float]:
+    """Label all voxels as one room; see ``label_cloud``."""
+    everything = np.arange(len(voxel_map), dtype=np.int32)
+    settings, position = method.settings, positions[0]
+    floor = find_floor(settings.floor, voxel_map, position, voxel_map.xyz, None)
+
+    # one look at each voxel, worth the same everywhere
+    labels = make_labels(method)
+    assert isinstance(labels, AllLooks)
+    embedding = labels.judge_complete(voxel_map, position, floor)
+    objects = make_objects(method, labels)
+    objects.put_all_together(voxel_map, embedding)
+    labels.decide(everything, objects.class_shares(everything))
+    rows = MapRows(
+        voxel_map.xyz, voxel_map.rgb, labels.semantic, labels.confidence, objects.instance,
+        embedding,
+    )  # fmt: skip
     return rows, floor or 0.0
 
 

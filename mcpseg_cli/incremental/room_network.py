@@ -13,7 +13,6 @@ from mcpseg_cli.incremental.classification import complete
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.evidence import Look, compute_affinities
 from mcpseg_cli.incremental.growing_map import Observation
-from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.incremental.window import window_input
 from mcpseg_cli.networks.device import find_device, resolve_precision
@@ -25,7 +24,6 @@ from mcpseg_cli.networks.weights import Weights
 _HEIGHT = 8.0  # metres above and below the robot that belong to its room
 _COARSEST = np.int32(2 ** (NUM_LEVELS - 1) - 1)  # levels stay aligned with the map
 _RIM = 1.0  # metres from the border of the window within which a look is worth less
-_LOOKS_OFFLINE = 8  # scans taken to have seen each voxel of a complete cloud
 _LEAST = 0.2  # what a look from the border itself is worth
 
 
@@ -130,21 +128,6 @@ class RoomNetwork:
         embedding[:, : unit.shape[1]] = unit
         weight = self._weigh(xyz, position)
         return Look(ids, probability.cpu().numpy(), weight, affinity), quantise(embedding)
-
-    def classify(
-        self,
-        voxel_map: VoxelMap,
-        ids: NDArray[np.int32],
-        position: NDArray[np.float64],
-        floor: float,
-        rng: np.random.Generator,
-    ) -> VoxelLabels:
-        """Judge voxels of a complete cloud in one look; see ``SegmentationMethod``."""
-        looks = np.full(len(ids), _LOOKS_OFFLINE, np.uint16)
-        look, embedding = self.look(voxel_map, ids, looks, position, floor, rng)
-        order = np.argsort(look.ids)  # ids are ascending
-        semantic = look.probability.argmax(axis=1).astype(np.uint8)[order]
-        return VoxelLabels(semantic, look.probability.max(axis=1)[order], embedding[order])
 
     def partners(
         self,

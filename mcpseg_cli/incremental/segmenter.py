@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Precision
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
-from mcpseg_cli.incremental.clustering import Clusters
 from mcpseg_cli.incremental.growing_map import GrowingMap
+from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.methods import make_labels, make_method
 from mcpseg_cli.incremental.objects import MapObject, list_objects
+from mcpseg_cli.incremental.regrouping import History
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
@@ -33,6 +34,9 @@ class ScanUpdate:
         num_new: M, how many voxels were seen for the first time.
         num_seen: How many of the scan's voxels were known before.
         merges: (P, 2) int32 objects that merged: old id, surviving id.
+        splits: (S, 2) int32 objects that parts of others became: the other's id, the new id.
+        moved: (O,) int32 ids of earlier voxels that went to another object otherwise than by
+            merges, ascending.
         changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
         relabelled: (R,) int32 those of them whose class or confidence changed, ascending.
         num_reclassified: How many of these changed class.
@@ -47,6 +51,8 @@ class ScanUpdate:
     num_new: int
     num_seen: int
     merges: NDArray[np.int32]
+    splits: NDArray[np.int32]
+    moved: NDArray[np.int32]
     changed: NDArray[np.int32]
     relabelled: NDArray[np.int32]
     num_reclassified: int
@@ -99,7 +105,7 @@ class IncrementalSegmenter:
         self.num_scans = 0
         self._growing_map = GrowingMap(self.settings)
         self._labels = make_labels(self.method)
-        self.clusters = Clusters(self.method.similarity)
+        self.clusters = make_objects(self.method, self._labels)
 
     @classmethod
     def load(
@@ -147,14 +153,20 @@ class IncrementalSegmenter:
         clock = Stopwatch()
 
         # embed and classify, update look-up table
-        found = self._labels.update(self.map, observed, scan.position, rng)
+        ids = self._labels.looks_at(self.map, observed, scan.position)
+        clock.lap("network")
+        self.clusters.take_apart(self.map, ids, observed, scan.position)
+        clock.lap("cluster")
+        judged = self._labels.judge(self.map, ids, observed, scan.position, rng)
         clock.lap("network")
 
         # cluster with neighbours
-        known = self.clusters.embedding
-        partners = self.method.partners(self.map, observed.new, found.embedding, known)
-        merges, regrouped = self.clusters.add(found.embedding, partners)
+        objects = self.clusters.put_together(self.map, judged.embedding)
         clock.lap("cluster")
+
+        # labels, by what is known of voxels and of what they are part of
+        relabelled, num_reclassified = self._labels.decide(ids, self.clusters.class_shares(ids))
+        clock.lap("network")
 
         # report all changes
         self.num_scans += 1
@@ -164,11 +176,13 @@ class IncrementalSegmenter:
             first_new=observed.first_new,
             num_new=len(observed.new),
             num_seen=len(observed.seen_again),
-            merges=merges,
-            changed=np.union1d(regrouped, found.changed),
-            relabelled=found.changed,
-            num_reclassified=found.num_reclassified,
-            judged=found.judged,
+            merges=objects.merges,
+            splits=objects.splits,
+            moved=objects.moved,
+            changed=np.union1d(objects.changed, relabelled),
+            relabelled=relabelled,
+            num_reclassified=num_reclassified,
+            judged=judged.ids,
             floor=observed.floor,
             ms=observed.ms | clock.ms,
         )
@@ -221,7 +235,7 @@ class IncrementalSegmenter:
     def restore(
         self,
         parts: Iterable[MapRows],
-        merges: NDArray[np.int32],
+        history: History,
         num_scans: int,
         floor: float | None,
         evidence: Iterable[NDArray[np.uint16]] | None = None,
@@ -231,7 +245,7 @@ class IncrementalSegmenter:
         Args:
             parts: Every voxel in id order, in pieces of any size: class and confidence as they
                 were at last, object ids as given at first.
-            merges: (P, 2) int32 all merges so far, in order.
+            history: All that became of objects so far.
             num_scans: Scans consumed.
             floor: Floor height of the last scan, metres, map frame.
             evidence: That about all voxels, in id order, in pieces of any size; None for a map
@@ -244,7 +258,6 @@ class IncrementalSegmenter:
             self.map.restore(part.xyz, part.rgb)
             self._labels.append(part.semantic, part.confidence)
             self.clusters.restore(part.embedding, part.instance)
-        self.clusters.restore_merges(merges)
         self.num_scans, self._growing_map.floor = num_scans, floor
 
         if evidence is not None and (known := self._labels.evidence) is not None:
@@ -252,3 +265,4 @@ class IncrementalSegmenter:
                 known.restore(block)
             if len(known) != len(self.map):
                 raise ValueError(f"evidence about {len(known):,} of {len(self.map):,} voxels")
+        self.clusters.finish_restore(self.map, history, goes_on=evidence is not None)

@@ -15,7 +15,7 @@ class Stopwatch:
         self._last = perf_counter()
 
     def lap(self, name: str) -> None:
-        """End a lap; the next begins."""
+        """End a lap, one more of this name perhaps; the next begins."""
         now = perf_counter()
-        self.ms[name] = 1e3 * (now - self._last)
+        self.ms[name] = self.ms.get(name, 0.0) + 1e3 * (now - self._last)
         self._last = now

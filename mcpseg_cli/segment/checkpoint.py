@@ -1,6 +1,6 @@
 """The durable checkpoint: one SQLite database, one transaction a scan: the truth of a run.
 
-A voxel is written once, with the scan that first saw it; merges and changes of labels are logs. So
+A voxel is written once, with the scan that first saw it; merges, moves and labels are logs. So
 a transaction is as large as the scan's changes, and labels of any earlier moment can be rebuilt.
 Evidence is kept as it is now, in blocks of voxels, of which those that a scan touched are
 rewritten.
@@ -18,15 +18,21 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.clustering import resolve
 from mcpseg_cli.incremental.evidence import BLOCK
 from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
+from mcpseg_cli.incremental.regrouping import History, Moves
 from mcpseg_cli.segment.database import Database
 from mcpseg_cli.segment.events import event_text, parse_event
-from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
+from mcpseg_cli.segment.map_changes import (
+    LabelChanges,
+    MapChanges,
+    are_within,
+    packed_moves,
+    unpacked_moves,
+)
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB
 _SCHEMA = """
 CREATE TABLE configuration (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -35,8 +41,9 @@ CREATE TABLE scans (
     size INTEGER NOT NULL, mtime_ns INTEGER NOT NULL, sha256 TEXT NOT NULL, pose BLOB NOT NULL,
     num_points INTEGER NOT NULL, num_voxels INTEGER NOT NULL, floor REAL, error TEXT,
     event TEXT NOT NULL, output_size INTEGER NOT NULL, num_merges INTEGER NOT NULL,
-    num_changes INTEGER NOT NULL);
+    num_moves INTEGER NOT NULL, num_changes INTEGER NOT NULL);
 CREATE TABLE merges (scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL, crc INTEGER NOT NULL);
+CREATE TABLE moves (scan INTEGER PRIMARY KEY, voxels BLOB NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE changes (scan INTEGER PRIMARY KEY, labels BLOB NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE evidence (block INTEGER PRIMARY KEY, rows BLOB NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE voxels (
@@ -141,8 +148,10 @@ class State:
         )  # fmt: skip
         event = event_text(record.event)
         outcome = (record.num_points, record.num_voxels, record.floor, record.error, event)
-        sizes = (record.output_size, len(changes.merges), len(changes.labels))
-        self._db.execute(f"INSERT INTO scans VALUES ({_holes(14)})", identity + outcome + sizes)
+        sizes = (
+            record.output_size, len(changes.merges), len(changes.moves), len(changes.labels)
+        )  # fmt: skip
+        self._db.execute(f"INSERT INTO scans VALUES ({_holes(15)})", identity + outcome + sizes)
         self._insert_changes(number, changes)
 
         # new voxels, in blobs that SQLite can hold
@@ -159,6 +168,10 @@ class State:
             pairs = changes.merges.astype("<i4").tobytes()
             values = (number, pairs, zlib.crc32(pairs))
             self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", values)
+        if len(changes.moves):
+            voxels = packed_moves(changes.moves)
+            values = (number, voxels, zlib.crc32(voxels))
+            self._db.execute("INSERT INTO moves VALUES (?, ?, ?)", values)
         if len(changes.labels):
             labels = changes.labels.packed()
             values = (number, labels, zlib.crc32(labels))
@@ -219,6 +232,28 @@ class State:
             raise self._database.damaged("merges")
         return merges
 
+    def moves(self, until: int | None = None) -> Iterator[Moves]:
+        """Iterate over the voxels that went to other objects otherwise than by merges, in order.
+
+        Args:
+            until: Number of the last scan; None for all.
+
+        Raises:
+            StateError: A scan's are missing or changed.
+        """
+        for scan, count, num_voxels, blob in self._logged("moves", "voxels", 0, until):
+            try:
+                moves = unpacked_moves(blob)
+                if len(moves) != count or not are_within(moves.ids, num_voxels):
+                    raise ValueError
+            except ValueError as error:
+                raise self._database.damaged(f"moves of scan {scan:,}") from error
+            yield moves
+
+    def history(self, until: int | None = None) -> History:
+        """Return all that became of objects, up to the scan of a number or up to now."""
+        return History(self.merges(until), self.moves(until))
+
     def label_changes(self, first: int = 0, last: int | None = None) -> Iterator[LabelChanges]:
         """Iterate over what scans changed of the labels of voxels known before, in order.
 
@@ -229,23 +264,30 @@ class State:
         Raises:
             StateError: A scan's are missing or changed.
         """
+        for scan, count, num_voxels, blob in self._logged("changes", "labels", first, last):
+            try:
+                changes = LabelChanges.unpacked(blob)
+                if len(changes) != count or not changes.are_within(num_voxels):
+                    raise ValueError
+            except ValueError as error:
+                raise self._database.damaged(f"label changes of scan {scan:,}") from error
+            yield changes
+
+    def _logged(
+        self, table: str, column: str, first: int, last: int | None
+    ) -> Iterator[tuple[int, int, int, bytes]]:
+        """Iterate over a log: scan, how many rows it must have, voxels in the map, what it has."""
         bounds = (first, 1 << 60 if last is None else last)
         with self._database.explained():
             for scan, count, num_voxels, blob, crc in self._db.execute(
-                "SELECT number, num_changes, num_voxels, labels, changes.crc "
-                "FROM scans LEFT JOIN changes ON scan = number "
-                "WHERE num_changes > 0 AND number BETWEEN ? AND ? ORDER BY number",
+                f"SELECT number, num_{table}, num_voxels, {column}, {table}.crc "
+                f"FROM scans LEFT JOIN {table} ON scan = number "
+                f"WHERE num_{table} > 0 AND number BETWEEN ? AND ? ORDER BY number",
                 bounds,
             ):
-                try:
-                    if not isinstance(blob, bytes) or zlib.crc32(blob) != crc:
-                        raise ValueError
-                    changes = LabelChanges.unpacked(blob)
-                    if len(changes) != count or not changes.are_within(num_voxels):
-                        raise ValueError
-                except ValueError as error:
-                    raise self._database.damaged(f"label changes of scan {scan:,}") from error
-                yield changes
+                if not isinstance(blob, bytes) or zlib.crc32(blob) != crc:
+                    raise self._database.damaged(f"{table} of scan {scan:,}")
+                yield scan, count, num_voxels, blob
 
     def evidence(self) -> Iterator[NDArray[np.uint16]]:
         """Iterate over the evidence about all voxels, in id order; nothing for first looks.
@@ -331,12 +373,8 @@ class State:
         Args:
             scan: Number of the scan.
         """
-        instance = self._column("instance").astype(np.int32)
-        survivor = np.arange(instance.max(initial=0) + 1, dtype=np.int32)
-        merges = self.merges(scan)
-        survivor[merges[:, 0]] = merges[:, 1]
-        resolved: NDArray[np.int32] = resolve(instance, survivor)
-        return resolved
+        instance, _ = self.history(scan).apply(self._column("instance").astype(np.int32))
+        return instance
 
     def _num_voxels(self) -> int:
         """Count the voxels that there must be: the last scan knows."""

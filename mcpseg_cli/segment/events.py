@@ -29,6 +29,7 @@ class LabelledEvent:
         voxels: Voxels in the map after it.
         objects: Objects in the map after it.
         merges: Objects it joined: old id, surviving id.
+        splits: Objects it found parts of others to be: the other's id, the new id.
         label_changes: Earlier voxels whose labels it changed: class, confidence or object.
         class_changes: Earlier voxels whose class it changed.
         floor: Height of the floor used, metres, map frame; None before any scan came in range.
@@ -43,6 +44,7 @@ class LabelledEvent:
     voxels: int
     objects: int
     merges: list[list[int]]
+    splits: list[list[int]]
     label_changes: int
     class_changes: int
     floor: float | None
@@ -62,6 +64,7 @@ class LabelledEvent:
             voxels=update.first_new + update.num_new,
             objects=num_objects,
             merges=update.merges.tolist(),
+            splits=update.splits.tolist(),
             label_changes=len(update.changed),
             class_changes=update.num_reclassified,
             floor=update.floor,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError, StateError
-from mcpseg_cli.incremental.clustering import dequantise, resolve
+from mcpseg_cli.incremental.clustering import dequantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.segment.checkpoint import State
@@ -141,7 +141,7 @@ class LabelledRun:
         Raises:
             StateError: The checkpoint is damaged.
         """
-        survivor = self._survivor
+        current = self.instance_after(len(self.scans) - 1)
         last_ids = np.array([record.num_voxels for record in self.scans])
 
         start = 0
@@ -149,7 +149,7 @@ class LabelledRun:
             ids = np.arange(start, start + len(rows))
 
             # labels as they are now; the scan is the first that ends behind a voxel
-            instance = _current(rows.instance, survivor)
+            instance = current[start : start + len(rows)]
             scan = np.searchsorted(last_ids, ids, side="right").astype(np.int32)
             yield MapPart(
                 ids, rows.xyz, rows.rgb, rows.semantic, instance, rows.confidence,
@@ -179,14 +179,6 @@ class LabelledRun:
         )
         return list_objects(rows, self.classes)
 
-    @cached_property
-    def _survivor(self) -> NDArray[np.int32]:
-        """(O,) int32: the object that took over each object, up to the last that merged."""
-        merges = self._state.merges()
-        survivor = np.arange(merges.max(initial=-1) + 1, dtype=np.int32)
-        survivor[merges[:, 0]] = merges[:, 1]
-        return survivor
-
 
 def _check_folder(folder: Path) -> None:
     """Refuse what is not the folder of a run."""
@@ -197,14 +189,6 @@ def _check_folder(folder: Path) -> None:
     else:
         found = "a file" if folder.exists() else "no such folder"
     raise InputError(folder, found, "the folder of a run of 'mcpseg segment'", "check the path")
-
-
-def _current(instance: NDArray[np.int32], survivor: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Bring object ids up to date; those beyond the table have not merged."""
-    current = instance.copy()
-    older = instance < len(survivor)
-    current[older] = resolve(instance[older], survivor)
-    return current
 
 
 def _regrouped(parts: Iterator[MapRows]) -> Iterator[MapRows]:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.incremental.evidence import HUNDREDTHS
+from mcpseg_cli.incremental.regrouping import Moves
 
 _ROW = 6  # bytes of a changed label: 4 of its id, class, confidence
+_MOVE = 8  # bytes of a moved voxel: 4 of its id, 4 of its object
 
 
 @dataclass(frozen=True)
@@ -33,15 +35,13 @@ class LabelChanges:
 
     def are_within(self, num_voxels: int) -> bool:
         """Tell whether the voxels are in order, none twice, and of a map of so many."""
-        return bool((np.diff(self.ids, prepend=np.int32(-1), append=num_voxels) > 0).all())
+        return are_within(self.ids, num_voxels)
 
     def packed(self) -> bytes:
         """Compress: the steps from id to id are small, and labels repeat."""
-        # bytes of one weight together: nearly all of the higher ones are 0
-        steps = np.diff(self.ids, prepend=np.int32(0)).astype("<u4")
-        planes = steps.view(np.uint8).reshape(-1, 4).T
         hundredths = np.round(self.confidence * HUNDREDTHS).astype(np.uint8)
-        return zlib.compress(planes.tobytes() + self.semantic.tobytes() + hundredths.tobytes(), 1)
+        columns = (_planes(_steps(self.ids)), self.semantic.tobytes(), hundredths.tobytes())
+        return zlib.compress(b"".join(columns), 1)
 
     @classmethod
     def unpacked(cls, data: bytes) -> LabelChanges:
@@ -50,18 +50,57 @@ class LabelChanges:
         Raises:
             ValueError: It is something else.
         """
-        try:
-            raw = zlib.decompress(data)
-        except zlib.error as error:
-            raise ValueError(str(error)) from error
-        columns = np.frombuffer(raw, np.uint8).reshape(_ROW, -1)
-        steps = np.ascontiguousarray(columns[:4].T).view("<u4")[:, 0]
+        columns = _columns(data, _ROW)
         confidence = columns[5].astype(np.float32) / np.float32(HUNDREDTHS)
-        return cls(np.cumsum(steps, dtype=np.int32), columns[4], confidence)
+        ids = np.cumsum(_numbers(columns[:4]), dtype=np.int32)
+        return cls(ids, columns[4], confidence)
 
     def apply(self, semantic: NDArray[np.uint8], confidence: NDArray[np.float32]) -> None:
         """Change the labels of a map: (V,) each, in place."""
         semantic[self.ids], confidence[self.ids] = self.semantic, self.confidence
+
+
+def packed_moves(moves: Moves) -> bytes:
+    """Compress voxels and the objects they went to."""
+    return zlib.compress(_planes(_steps(moves.ids)) + _planes(moves.instance), 1)
+
+
+def unpacked_moves(data: bytes) -> Moves:
+    """Read what ``packed_moves`` gave.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    columns = _columns(data, _MOVE)
+    ids = np.cumsum(_numbers(columns[:4]), dtype=np.int32)
+    return Moves(ids, _numbers(columns[4:]).astype(np.int32))
+
+
+def are_within(ids: NDArray[np.int32], num_voxels: int) -> bool:
+    """Tell whether voxels are in order, none twice, and of a map of so many."""
+    return bool((np.diff(ids, prepend=np.int32(-1), append=num_voxels) > 0).all())
+
+
+def _steps(ids: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.diff(ids, prepend=np.int32(0))
+
+
+def _planes(numbers: NDArray[np.int32]) -> bytes:
+    """Put bytes of one weight together: nearly all of the higher ones are 0."""
+    return numbers.astype("<u4").view(np.uint8).reshape(-1, 4).T.tobytes()
+
+
+def _columns(data: bytes, count: int) -> NDArray[np.uint8]:
+    try:
+        raw = zlib.decompress(data)
+    except zlib.error as error:
+        raise ValueError(str(error)) from error
+    return np.frombuffer(raw, np.uint8).reshape(count, -1)
+
+
+def _numbers(planes: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    numbers: NDArray[np.uint32] = np.ascontiguousarray(planes.T).view("<u4")[:, 0]
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -70,17 +109,20 @@ class MapChanges:
 
     Attributes:
         merges: (P, 2) int32 objects that merged: old id, surviving id.
+        moves: Voxels known before that went to another object otherwise.
         labels: Those of voxels known before.
         evidence: Rows of whole blocks by number, see ``Evidence.blocks``; none for methods whose
             first looks count alone.
     """
 
     merges: NDArray[np.int32]
+    moves: Moves
     labels: LabelChanges
     evidence: Mapping[int, NDArray[np.uint16]]
 
     @classmethod
     def none(cls) -> MapChanges:
         """Return those of a scan that changed nothing."""
-        labels = LabelChanges(np.empty(0, np.int32), np.empty(0, np.uint8), np.empty(0, np.float32))
-        return cls(np.empty((0, 2), np.int32), labels, {})
+        nobody = np.empty(0, np.int32)
+        labels = LabelChanges(nobody, np.empty(0, np.uint8), np.empty(0, np.float32))
+        return cls(np.empty((0, 2), np.int32), Moves(nobody, nobody), labels, {})

@@ -13,6 +13,7 @@ from mcpseg_cli.formats import write_cloud
 from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.offline import label_cloud
+from mcpseg_cli.incremental.regrouping import History
 from mcpseg_cli.incremental.segmenter import ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.segment.events import LabelledEvent
@@ -116,11 +117,11 @@ def _label(run: SegmentRun, cloud: VoxelMap, scans: list[_InCloud]) -> float | N
     """Label the cloud and hand it to the segmenter; return the height of the floor."""
     used = [scan for scan in scans if isinstance(scan.read, Fingerprint)]
     if not len(cloud):
-        run.segmenter.restore([], _NO_MERGES, len(used), None)
+        run.segmenter.restore([], History(_NO_MERGES), len(used), None)
         return None
     positions = np.array([scan.source.pose[:3, 3] for scan in used])
     rows, floor = label_cloud(cloud, positions, run.segmenter.method)
-    run.segmenter.restore([rows], _NO_MERGES, len(used), floor)
+    run.segmenter.restore([rows], History(_NO_MERGES), len(used), floor)
     return floor
 
 
@@ -144,7 +145,7 @@ def _write(
     known = np.unique(point_ids[(point_ids >= 0) & (point_ids < scan.first_new)])
     update = ScanUpdate(
         scan.number, point_ids, scan.first_new, scan.num_voxels - scan.first_new, len(known),
-        _NO_MERGES, _NOBODY, _NOBODY, 0, _NOBODY, floor, ms,
+        _NO_MERGES, _NO_MERGES, _NOBODY, _NOBODY, _NOBODY, 0, _NOBODY, floor, ms,
     )  # fmt: skip
     num_points, num_objects = len(read.cloud), run.segmenter.clusters.num_objects
     event = LabelledEvent.of(scan.number, name, num_points, update, num_objects)

@@ -13,6 +13,7 @@ from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats import Cloud, whole_cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile, read_scan
 from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
 from mcpseg_cli.resumable import check_same
 from mcpseg_cli.scan import Scan
@@ -229,7 +230,8 @@ class SegmentRun:
         """Collect what a scan changed of what is in the checkpoint."""
         ids, segmenter = update.relabelled, self.segmenter
         labels = LabelChanges(ids, segmenter.semantic[ids], segmenter.confidence[ids])
-        return MapChanges(update.merges, labels, segmenter.evidence_blocks(update.judged))
+        moves = Moves(update.moved, segmenter.clusters.instance[update.moved])
+        return MapChanges(update.merges, moves, labels, segmenter.evidence_blocks(update.judged))
 
     def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
@@ -256,7 +258,7 @@ class SegmentRun:
         floor, state = used[-1].floor if used else None, self._state
         evidence = None if self.options.offline else state.evidence()
         try:
-            self.segmenter.restore(state.map_rows(), state.merges(), len(used), floor, evidence)
+            self.segmenter.restore(state.map_rows(), state.history(), len(used), floor, evidence)
         except (ValueError, IndexError) as error:
             raise StateError(
                 f"{state.path}: damaged ({error}); expected an mcpseg checkpoint; "

@@ -75,7 +75,7 @@ def test_settings_not_given_are_the_networks_own(architecture):
 
 def test_settings_for_mcpnet_are_written_down_as_ever():
     segmenter = IncrementalSegmenter(make_weights("mcpnet"), SegmentSettings(local_range=3.0))
-    expected = SegmentSettings(local_range=3.0, labelling="first")
+    expected = SegmentSettings(local_range=3.0, labelling="first", clustering="paper")
     assert segmenter.settings.model_dump() == expected.model_dump()
 
 
