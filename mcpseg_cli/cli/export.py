@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -53,6 +53,10 @@ def export(
     min_confidence: Annotated[
         float | None,
         typer.Option(min=0.0, max=1.0, help="Only points (objects) of at least this confidence."),
+    ] = None,
+    min_points: Annotated[
+        int | None,
+        typer.Option(min=1, help="Only objects (points of objects) of at least so many points."),
     ] = None,
     box: Annotated[
         str | None,
@@ -110,7 +114,7 @@ def export(
     if scans is not None and split is not None:
         raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
     request = _Request(
-        _selection(class_names, instances, min_confidence, box),
+        _selection(class_names, instances, min_confidence, min_points, box),
         color or "rgb",
         PictureSettings(view, color or "class", cut, yaw),
         scans,
@@ -154,6 +158,7 @@ def _export_run(folder: Path, outputs: list[Path], request: _Request, *, quiet: 
     from mcpseg_cli.segment.labelled_run import LabelledRun
 
     with _progress_bar(quiet=quiet) as progress, LabelledRun(folder, progress.advance) as run:
+        request = replace(request, selection=request.selection.of(run))
         for output in outputs:
             progress.name = output.name
             if output.suffix:
@@ -242,7 +247,11 @@ def _progress_bar(*, quiet: bool) -> Iterator[_Progress]:
 
 
 def _selection(
-    classes: str | None, instances: str | None, min_confidence: float | None, box: str | None
+    classes: str | None,
+    instances: str | None,
+    min_confidence: float | None,
+    min_points: int | None,
+    box: str | None,
 ) -> Selection:
     """Read what is to be exported from the command line."""
     from mcpseg_cli.export.selection import Selection
@@ -263,7 +272,7 @@ def _selection(
         )
 
     names = None if classes is None else tuple(name.strip() for name in classes.split(","))
-    return Selection(names, ids, min_confidence, corners)
+    return Selection(names, ids, min_confidence, corners, min_points)
 
 
 def _is_box(corners: tuple[float, ...]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +23,31 @@ class Selection:
         min_confidence: Least confidence, 0-1.
         box: Lowest and highest corner (x, y, z, x, y, z), metres, map frame; its faces belong to
             it.
+        min_points: Least number of voxels of an object; voxels of smaller ones, or of none, are
+            left out. ``of`` turns it into object ids.
     """
 
     classes: tuple[str, ...] | None = None
     instances: tuple[int, ...] | None = None
     min_confidence: float | None = None
     box: tuple[float, ...] | None = None
+    min_points: int | None = None
 
     @property
     def is_everything(self) -> bool:
         """Whether there is no condition."""
         return self == Selection()
+
+    def of(self, run: LabelledRun) -> Selection:
+        """Return the same choice for one run, told by object ids where it was by their sizes."""
+        if self.min_points is None:
+            return self
+        sizes = np.bincount(run.instance_after(len(run.scans) - 1)[: len(run)])
+        sizes[:1] = 0  # of no object
+        large = np.flatnonzero(sizes >= self.min_points).tolist()
+        if self.instances is not None:
+            large = [owner for owner in large if owner in self.instances]
+        return replace(self, instances=tuple(large), min_points=None)
 
     def check(self, run: LabelledRun) -> None:
         """Refuse class names that the run does not have.
@@ -100,5 +114,5 @@ class Selection:
         """Say that no part of the map was chosen."""
         return InputError(
             run.folder, "nothing in the map that was asked for", "at least one point",
-            "widen --class, --instance, --min-confidence or --box",
+            "widen --class, --instance, --min-points, --min-confidence or --box",
         )  # fmt: skip

@@ -203,3 +203,20 @@ def test_the_picture_sheet_of_the_examples_is_drawn(labelled_run, tmp_path):
 
 def test_help_shows_examples():
     assert "Example" in export("--help").stdout
+
+
+def test_small_objects_are_left_out_of_lists_and_clouds(labelled_run, tmp_path):
+    objects = json.loads((labelled_run.out / "objects.json").read_text())
+    most = max(item["num_points"] for item in objects)
+    outputs = ["-o", tmp_path / "large.json", "-o", tmp_path / "large.npz"]
+    assert export(labelled_run.out, *outputs, "--min-points", most).exit_code == 0
+
+    chosen = json.loads((tmp_path / "large.json").read_text())
+    assert chosen == [item for item in objects if item["num_points"] == most]
+    assert len(read_cloud(tmp_path / "large.npz")) == most * len(chosen)
+
+
+def test_no_object_as_large_as_asked_for_is_told_in_one_line(labelled_run, tmp_path):
+    result = export(labelled_run.out, "-o", tmp_path / "none.json", "--min-points", 10**9)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "widen --class, --instance, --min-points" in result.stderr
