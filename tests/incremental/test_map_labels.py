@@ -8,6 +8,7 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.incremental.evidence import Evidence, Look
 from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
 from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
@@ -126,13 +127,46 @@ def test_the_same_walk_gives_the_same_labels(weights, labelling):
 
 
 def test_labels_are_what_the_evidence_says(weights):
-    segmenter = make_segmenter(weights["unet"])
+    segmenter = make_segmenter(weights["unet"], clustering="paper")
     walk(segmenter)
     evidence = segmenter._labels.evidence
     assert len(evidence) == len(segmenter.map)
     everything = np.arange(len(evidence), dtype=np.int32)
     for said, kept in zip(evidence.labels(everything), labels_of(segmenter), strict=True):
         np.testing.assert_array_equal(said, kept)
+
+
+def test_labels_are_what_voxels_and_their_objects_are(weights):
+    segmenter = make_segmenter(weights["unet"], affinity=0.5)
+    update = walk(segmenter)[-1]
+    ids, evidence = update.judged, segmenter._labels.evidence
+    shares = segmenter.clusters.class_shares(ids)
+    semantic, confidence = evidence.labels(ids, shares)
+    np.testing.assert_array_equal(segmenter.semantic[ids], semantic)
+    np.testing.assert_array_equal(segmenter.confidence[ids], confidence)
+    assert (semantic != evidence.labels(ids)[0]).any()
+
+
+def test_a_voxel_of_no_object_is_what_it_is_itself():
+    evidence = Evidence(2)
+    evidence.extend(1)
+    everything, one = np.zeros(1, np.int32), np.ones(1, np.float32)
+    evidence.add(Look(everything, np.array([[0.75, 0.25]], np.float32), one))
+    nothing = np.zeros((1, 2), np.float32)
+    for said, alone in zip(
+        evidence.labels(everything, nothing), evidence.labels(everything), strict=True
+    ):
+        np.testing.assert_array_equal(said, alone)
+
+
+def test_the_object_counts_as_much_as_the_voxel():
+    evidence = Evidence(2)
+    evidence.extend(1)
+    everything, one = np.zeros(1, np.int32), np.ones(1, np.float32)
+    evidence.add(Look(everything, np.array([[0.6, 0.4]], np.float32), one))
+    prior = np.array([[0.1, 0.9]], np.float32)
+    semantic, confidence = evidence.labels(everything, prior)
+    assert (semantic.tolist(), confidence.tolist()) == ([1], pytest.approx([0.65], abs=1e-6))
 
 
 def test_looks_are_the_scans_that_saw_a_voxel(weights):

@@ -23,7 +23,8 @@ SKIPPED = SkippedEvent(1, "000001\udcff.ply", "it is damaged")
 def labelled() -> LabelledEvent:
     update = ScanUpdate(
         index=0, point_ids=np.array([0, -1, 1, 1], np.int32), first_new=0, num_new=2, num_seen=0,
-        merges=np.array([[3, 1]], np.int32), changed=np.array([5, 7], np.int32),
+        merges=np.array([[3, 1]], np.int32), splits=np.array([[2, 6]], np.int32),
+        moved=np.array([7], np.int32), changed=np.array([5, 7], np.int32),
         relabelled=np.array([5], np.int32), num_reclassified=1, judged=np.array([5], np.int32),
         floor=-0.125, ms={},
     )  # fmt: skip
@@ -33,8 +34,8 @@ def labelled() -> LabelledEvent:
 def test_an_event_says_what_a_scan_did(labelled):
     assert json.loads(event_text(labelled)) == {
         "scan": 0, "name": "000000.ply", "points": 4, "points_in_range": 3, "voxels_new": 2,
-        "voxels_seen": 0, "voxels": 2, "objects": 5, "merges": [[3, 1]], "label_changes": 2,
-        "class_changes": 1, "floor": -0.125,
+        "voxels_seen": 0, "voxels": 2, "objects": 5, "merges": [[3, 1]], "splits": [[2, 6]],
+        "label_changes": 2, "class_changes": 1, "floor": -0.125,
     }  # fmt: skip
 
 
