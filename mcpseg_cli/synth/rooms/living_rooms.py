@@ -45,10 +45,10 @@ def furnish_living_room(placement: Placement) -> None:
     # what stands along the walls
     if placement.chance(holds.sofa_at_wall):
         placement.against_wall(make_home_sofa(2, style, rng).item, gap=0.1, tries=12)
+    chairs_at_walls(placement, holds.chairs_at_walls)
     cabinets(placement, placement.several(holds.cabinets, area), on_furniture)
     count = placement.times(holds.bookcases, area)
     bookcases(placement, count, holds.bookcases.of, on_furniture)
-    chairs_at_walls(placement, holds.chairs_at_walls)
     for _ in range(placement.times(holds.standard_lamps, area)):
         placement.against_wall(make_thing(placement, "standard lamp"), gap=0.15)
     for _ in range(placement.times(holds.side_tables, area)):
@@ -206,11 +206,11 @@ def furnish_dining_room(placement: Placement) -> None:
     if placement.has(holds.kitchenette):
         fit_kitchenette(placement)
 
+    chairs_at_walls(placement, holds.chairs_at_walls)
     kinds = placement.several(holds.cabinets, area)
     cabinets(placement, kinds, homes().home.on_furniture)
     count = placement.times(holds.bookcases, area)
     bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
-    chairs_at_walls(placement, holds.chairs_at_walls)
     if placement.chance(holds.sofa):
         sofa = make_home_sofa(2, placement.style, placement.rng)
         placement.against_wall(sofa.item, gap=0.08, tries=12)

@@ -33,33 +33,37 @@ from mcpseg_cli.synth.things.tables import make_table
 def furnish_bedroom(placement: Placement) -> None:
     """Beds between small tables with lamps, wardrobes, chests, a desk, chairs, a rug, clothes."""
     holds, style, rng = homes().bedroom, placement.style, placement.rng
-    area, on_furniture = placement.area, homes().home.on_furniture
+    area = placement.area
     windows(placement)
     bed = _bed(placement)
     if bed is not None:
         _beside_bed(placement, bed)
 
-    # a second bed, wardrobes, chests, a desk
+    # a second bed, a desk, seats
     if placement.chance(holds.second_bed):
         _bed(placement)
-    kinds = placement.some_of(holds.wardrobes.of, holds.wardrobes)
-    cabinets(placement, kinds, holds.on_wardrobes)
-    cabinets(placement, placement.several(holds.cabinets, area), on_furniture)
-    count = placement.times(holds.bookcases, area)
-    bookcases(placement, count, holds.bookcases.of, on_furniture)
     if placement.chance(holds.desk):
         desk = pick_desk(placement)
         work_place(placement, desk, pick_chair(placement, holds.desk_chairs), wall=True)
-
-    # seats
     if placement.chance(holds.armchair):
         design = placement.one_of(homes().home.armchairs)
         placement.against_wall(make_chair(design, style, rng), gap=0.15, turn=0.4)
     chairs_at_walls(placement, holds.chairs_at_walls)
     if placement.chance(holds.sofa):
         placement.against_wall(make_home_sofa(2, style, rng).item, gap=0.08)
+    _bedroom_cabinets(placement)
     floor_clutter(placement, holds.on_floor, area)
     dress_home(placement)
+
+
+def _bedroom_cabinets(placement: Placement) -> None:
+    """Stand wardrobes, chests and shelves along the walls."""
+    holds, area, on_furniture = homes().bedroom, placement.area, homes().home.on_furniture
+    kinds = placement.some_of(holds.wardrobes.of, holds.wardrobes)
+    cabinets(placement, kinds, holds.on_wardrobes)
+    cabinets(placement, placement.several(holds.cabinets, area), on_furniture)
+    count = placement.times(holds.bookcases, area)
+    bookcases(placement, count, holds.bookcases.of, on_furniture)
 
 
 def _bed(placement: Placement) -> Placed | None:
@@ -98,13 +102,14 @@ def furnish_study(placement: Placement) -> None:
     """A desk, bookcases, often a sofa to sleep on."""
     holds, rng = homes().study, placement.rng
     windows(placement)
-    desk = pick_desk(placement)
-    work_place(placement, desk, pick_chair(placement, holds.chairs), wall=True)
+    for _ in range(2 if placement.chance(holds.second_desk) else 1):
+        desk = pick_desk(placement)
+        work_place(placement, desk, pick_chair(placement, holds.chairs), wall=True)
+    chairs_at_walls(placement, holds.chairs_at_walls)
     if placement.chance(holds.sofa):
         sofa = make_home_sofa(placement.count(holds.seats), placement.style, rng)
         placement.against_wall(sofa.item, gap=0.08, tries=16)
 
-    chairs_at_walls(placement, holds.chairs_at_walls)
     kinds = placement.several(holds.cabinets, placement.area)
     cabinets(placement, kinds, homes().home.on_furniture)
     count = placement.times(holds.bookcases, placement.area)

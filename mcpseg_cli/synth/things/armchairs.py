@@ -1,4 +1,4 @@
-"""Armchairs of homes, class chair: club and wing chairs, recliners, easy chairs of wood, rockers."""
+"""Armchairs of homes, class chair: club and wing chairs, easy chairs, rockers, tubs."""
 
 from __future__ import annotations
 

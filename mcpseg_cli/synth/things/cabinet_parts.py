@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -93,7 +94,7 @@ def stack(
 ) -> list[Cell]:
     """Return fronts over each other in one column, their heights in these proportions."""
     cuts = low + (high - low) * np.cumsum([0.0, *shares]) / sum(shares)
-    return [(left, float(a), right, float(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [(left, float(a), right, float(b)) for a, b in pairwise(cuts)]
 
 
 def body_parts(

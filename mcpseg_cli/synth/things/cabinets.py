@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -111,7 +112,7 @@ def _cabinet(
 def _doors(edges: list[float], low: float, high: float, rng: np.random.Generator) -> list[Cell]:
     """Doors over the whole height, at times over drawers or under short doors."""
     shares = ((1.0,), (1.0,), (1.0, 4.0), (3.0, 1.0), (1.0, 1.0, 7.0))[rng.integers(5)]
-    pairs = zip(edges[:-1], edges[1:], strict=True)
+    pairs = pairwise(edges)
     return [cell for a, b in pairs for cell in stack(a, b, low, high, shares)]
 
 
@@ -119,14 +120,14 @@ def _drawers(edges: list[float], low: float, high: float, rng: np.random.Generat
     """Drawers over each other, the upper ones often lower."""
     count = max(round((high - low) / rng.uniform(0.15, 0.26)), 1)
     shares = np.linspace(1.0, rng.uniform(0.6, 1.0), count).tolist()
-    pairs = zip(edges[:-1], edges[1:], strict=True)
+    pairs = pairwise(edges)
     return [cell for a, b in pairs for cell in stack(a, b, low, high, tuple(shares))]
 
 
 def _mixed(edges: list[float], low: float, high: float, rng: np.random.Generator) -> list[Cell]:
     """Doors and columns of drawers side by side."""
     cells: list[Cell] = []
-    for pair in zip(edges[:-1], edges[1:], strict=True):
+    for pair in pairwise(edges):
         column = _drawers if rng.random() < 0.4 else _plain
         cells += column(list(pair), low, high, rng)
     return cells
@@ -134,7 +135,7 @@ def _mixed(edges: list[float], low: float, high: float, rng: np.random.Generator
 
 def _plain(edges: list[float], low: float, high: float, rng: np.random.Generator) -> list[Cell]:
     """One door or flap in each column."""
-    return [(a, low, b, high) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [(a, low, b, high) for a, b in pairwise(edges)]
 
 
 _FORMS: dict[str, _Form] = {

@@ -15,8 +15,8 @@ from mcpseg_cli.synth.things import desk_things as desk
 from mcpseg_cli.synth.things import floor_things as floor
 from mcpseg_cli.synth.things import home_fittings as fittings
 from mcpseg_cli.synth.things import home_things as home
-from mcpseg_cli.synth.things import kitchen_units as kitchen
 from mcpseg_cli.synth.things import kitchen_and_washroom as wet
+from mcpseg_cli.synth.things import kitchen_units as kitchen
 from mcpseg_cli.synth.things import office_equipment as office
 from mcpseg_cli.synth.things import wall_things as wall
 from mcpseg_cli.synth.things.cabinets import CABINET_KINDS, cabinet_kind

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import bend, boxes, cushion, lathe, pipe, rod, shell, solid
@@ -54,11 +56,7 @@ def vanity(style: Style, rng: np.random.Generator) -> list[Part]:
         )
         parts.append(solid(finish.body, legs))
     pairs = edges_of(width - 0.02, 0.45)
-    cells = [
-        c
-        for a, b in zip(pairs[:-1], pairs[1:], strict=True)
-        for c in stack(a, b, low, height, (1.0,))
-    ]
+    cells = [c for a, b in pairwise(pairs) for c in stack(a, b, low, height, (1.0,))]
     parts += front_parts(cells, inset, finish, rng)
     rim = height + rng.uniform(0.04, 0.14)
     lows = [(-w, 0, height), (-w, depth - 0.03, height), (-w, 0.1, height), (w - 0.03, 0.1, height)]

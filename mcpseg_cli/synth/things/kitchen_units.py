@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -155,9 +156,8 @@ def _worktop(
     x, tall = (left + right) / 2, high + rng.uniform(0.18, 0.36)
     bent = [(x, 0.07, high), (x, 0.07, tall), (x, 0.26, tall), (x, 0.26, tall - 0.08)]
     tap = pipe(bend(bent, 0.1), 0.012)
-    return [
-        solid(look.worktop, boxes(lows, highs)), solid(look.steel, bowl), solid(look.steel, tap), *parts
-    ]  # fmt: skip
+    metals = [solid(look.steel, bowl), solid(look.steel, tap)]
+    return [solid(look.worktop, boxes(lows, highs)), *metals, *parts]
 
 
 def wall_run(width: float, look: KitchenLook, rng: np.random.Generator) -> Item:
@@ -166,7 +166,7 @@ def wall_run(width: float, look: KitchenLook, rng: np.random.Generator) -> Item:
     edges, inset = edges_of(width, rng.uniform(0.4, 0.62)), depth - FRONT
     flaps = rng.random() < 0.2
     shares = (1.0, 1.0) if flaps else (1.0,)
-    pairs = list(zip(edges[:-1], edges[1:], strict=True))
+    pairs = list(pairwise(edges))
     cells = [cell for a, b in pairs for cell in stack(a, b, 0.0, height, shares)]
     parts = body_parts(width, inset, 0.0, height, look.upper, hollow=False)
     parts += front_parts(cells, inset, look.upper, rng, ajar=0.04)

@@ -136,8 +136,9 @@ class Kitchen(Record):
 
 
 class Study(Record):
-    """A desk's chair, a sofa, bookcases, a rug."""
+    """Desks with their chairs, a sofa, bookcases, a rug."""
 
+    second_desk: Share
     chairs_at_walls: Amount
     cabinets: Several[Cabinet]
     chairs: OneOrMore[Chair]
