@@ -9,6 +9,7 @@ from mcpseg_cli.synth.plan import Opening, RoomKind
 from mcpseg_cli.synth.rooms.dressing import dress_top
 from mcpseg_cli.synth.rooms.placed import Placed
 from mcpseg_cli.synth.rooms.placement import Placement
+from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.things.cabinet_parts import Finish, pick_finish
 from mcpseg_cli.synth.things.cabinets import built_in, make_cabinet, sliding_wardrobe, wall_of
 from mcpseg_cli.synth.things.curtains import curtain, louvres, panel_blind, pick_cloth
@@ -125,12 +126,12 @@ def _span(placement: Placement, opening: Opening) -> tuple[float, float]:
     return max(start, 0.01), min(end, long - 0.01)
 
 
-def _hung(  # one room's
+def _hung(
     placement: Placement,
     windows: list[Opening],
     width: float,
     kind: str,
-    cloth: object,
+    cloth: Material,
     drawn: float,
 ) -> tuple[Item, float]:
     """Make a curtain or a blind for a stretch of wall, and return how high its lower end hangs."""

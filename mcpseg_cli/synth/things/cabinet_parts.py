@@ -10,7 +10,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import boxes, rod, solid
 from mcpseg_cli.synth.geometry.solids import Part, tilted
-from mcpseg_cli.synth.surfaces.materials import Colour, Material
+from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_colour, pick_metal, pick_wood
 from mcpseg_cli.synth.things.boxes_and_bags import bright
 
@@ -79,7 +79,8 @@ def pick_stone(style: Style, rng: np.random.Generator) -> Material:
     if rng.random() < 0.4:
         return pick_wood(style, rng)
     colours: tuple[Colour, ...] = ((48, 48, 50), (202, 198, 190), (120, 116, 110), (90, 74, 60))
-    pattern = ("marble", "plain", "concrete")[rng.integers(3)]
+    patterns: tuple[Pattern, ...] = ("marble", "plain", "concrete")
+    pattern = patterns[rng.integers(3)]
     return paint(pick_colour(colours, rng), rng, pattern, rng.uniform(0.1, 0.5))
 
 
@@ -104,7 +105,7 @@ def body_parts(
     w, thick = width / 2, 0.018
     if not hollow:
         return [solid(finish.body, boxes((-w, 0, low), (w, depth, high)))]
-    lows = [(-w, 0, low), (w - thick, 0, low), (-w + thick, 0, low)]
+    lows = [(-w, 0.0, low), (w - thick, 0.0, low), (-w + thick, 0.0, low)]
     highs = [(-w + thick, depth, high), (w, depth, high), (w - thick, 0.008, high)]
     levels = [low, low + 0.25 * (high - low), high - thick]
     lows += [(-w + thick, 0.008, z) for z in levels]
