@@ -99,8 +99,8 @@ def test_an_error_in_a_style_names_file_and_key(tmp_path, before, after, message
         (
             "homes",
             Homes,
-            "one_in = 13",
-            "one_for = 13",
+            "one_in = 30",
+            "one_for = 30",
             "unknown key living_room.bookcases.one_for",
         ),
         ("shared", Shared, "of = [", "off = [", "no key desk.on_top.of"),
