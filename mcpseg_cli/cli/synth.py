@@ -49,7 +49,7 @@ def synth(
         typer.Option(
             min=1,
             metavar="N",
-            help="The style of Area_N: 1-6 offices, 7 homes; default: of this area.",
+            help="The style of Area_N: 1-6, 16 offices, 7, 17, 27 homes; default: of this area.",
         ),
     ] = None,
     jobs: Jobs = None,

@@ -185,7 +185,9 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
         The room's points.
     """
     rng = np.random.default_rng(seed)
-    items = lay_rugs(build_shell(room, style, rng) + furnish_room(room, style, rng))
+    shell = build_shell(room, style, rng)
+    wall = next(item.parts[0].material for item in shell if item.name == "wall")
+    items = lay_rugs(shell + furnish_room(room, style, rng, wall))
     scan = scan_room(items, room, style, spacing, rng)
 
     # object by object, numbered within their class

@@ -18,7 +18,9 @@ from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
 
-_VERSION = 1  # of the generator; raise it when the same seed comes to give another building
+_VERSIONS = {False: 1, True: 2}
+"""Of the generator, for styles without and with fitted cabinets; raise one when the same seed comes
+to give another building."""
 RECORD = "synth.json"
 _NAMES = {"version": "version of the generator", "number": "number of the area"}
 
@@ -113,7 +115,8 @@ def write_area(
     number, seed = request.number, request.seed
     style, rooms, seeds = plan_building(number, seed, request.num_rooms, request.style)
     planned = [room.name for room in rooms]
-    record = _Record(version=_VERSION, request=request, style_name=style.name, planned=planned)
+    version = _VERSIONS[style.cabinets > 0]
+    record = _Record(version=version, request=request, style_name=style.name, planned=planned)
 
     # what an earlier call has left is continued, replaced or refused
     earlier = _read_record(folder)

@@ -15,7 +15,7 @@ from mcpseg_cli.synth.rooms.contents.records import Amount
 from mcpseg_cli.synth.rooms.contents.shared import Shared
 from mcpseg_cli.synth.rooms.contents.work import WorkRooms
 from mcpseg_cli.synth.surfaces import catalogue
-from mcpseg_cli.synth.surfaces.catalogue import styles
+from mcpseg_cli.synth.surfaces.catalogue import numbered_styles, styles
 from mcpseg_cli.synth.surfaces.styles import Style
 from mcpseg_cli.synth.things.chairs import CHAIR_DESIGNS
 from mcpseg_cli.synth.things.tables import TABLE_DESIGNS
@@ -26,11 +26,13 @@ CONTENTS = PACKAGE / "synth" / "rooms" / "contents"
 MODERN = PACKAGE / "synth" / "styles" / "1_modern.toml"
 
 
-def test_there_are_six_styles_of_offices_and_then_homes():
-    assert [style.is_public for style in styles()] == [True] * 6 + [False]
-    assert [f"{number}_{style.name}" for number, style in enumerate(styles(), 1)] == sorted(
+def test_there_are_six_styles_of_offices_then_homes_then_styles_of_higher_numbers():
+    numbered = numbered_styles()
+    assert list(numbered) == [*range(1, 8), 16, 17, 27]
+    assert [n for n, style in numbered.items() if not style.is_public] == [7, 17, 27]
+    assert {f"{number}_{style.name}" for number, style in numbered.items()} == {
         path.stem for path in MODERN.parent.iterdir()
-    )
+    }
 
 
 def test_designs_of_the_styles_are_in_the_catalogues():
@@ -97,8 +99,8 @@ def test_an_error_in_a_style_names_file_and_key(tmp_path, before, after, message
         (
             "homes",
             Homes,
-            "one_in = 13",
-            "one_for = 13",
+            "one_in = 30",
+            "one_for = 30",
             "unknown key living_room.bookcases.one_for",
         ),
         ("shared", Shared, "of = [", "off = [", "no key desk.on_top.of"),

@@ -8,9 +8,17 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.solids import Item
 from mcpseg_cli.synth.plan import Room, RoomKind
-from mcpseg_cli.synth.rooms import living_rooms, private_rooms, public_rooms, work_rooms
+from mcpseg_cli.synth.rooms import (
+    kitchens,
+    living_rooms,
+    private_rooms,
+    public_rooms,
+    work_rooms,
+)
 from mcpseg_cli.synth.rooms.contents import homes, public, shared, work
+from mcpseg_cli.synth.rooms.fitted import fit_walls
 from mcpseg_cli.synth.rooms.placement import Placement
+from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style
 
 _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
@@ -26,7 +34,7 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "WC": public_rooms.furnish_washroom,
     "livingRoom": living_rooms.furnish_living_room,
     "diningRoom": living_rooms.furnish_dining_room,
-    "kitchen": private_rooms.furnish_kitchen,
+    "kitchen": kitchens.furnish_kitchen,
     "bedroom": private_rooms.furnish_bedroom,
     "study": private_rooms.furnish_study,
     "bathroom": private_rooms.furnish_bathroom,
@@ -43,7 +51,9 @@ def check_contents() -> None:
         read()
 
 
-def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Item]:
+def furnish_room(
+    room: Room, style: Style, rng: np.random.Generator, wall: Material | None = None
+) -> list[Item]:
     """Furnish a room.
 
     Nothing meets anything else or what is taken. Everything stands on the floor or on something,
@@ -54,14 +64,19 @@ def furnish_room(room: Room, style: Style, rng: np.random.Generator) -> list[Ite
         room: The room; its kind decides what comes in.
         style: Colours and habits of the building.
         rng: Decides everything else; the same state gives the same furniture.
+        wall: Surface of the walls, which some cabinets share; None if it is not known.
 
     Returns:
         The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of
         class window, rugs of class floor: ``lay_rugs`` joins them with the room's.
     """
-    placement = Placement(room, style, rng)
+    placement = Placement(room, style, rng, wall)
     if room.kind == "hallway" and not style.is_public:
         private_rooms.furnish_corridor(placement)
+    elif room.kind == "hallway":
+        _ROOMS[room.kind](placement)
+        fit_walls(placement)
     else:
+        fit_walls(placement)
         _ROOMS[room.kind](placement)
     return placement.items

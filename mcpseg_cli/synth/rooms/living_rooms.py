@@ -7,6 +7,7 @@ import numpy as np
 from mcpseg_cli.synth.geometry.shapes import stand
 from mcpseg_cli.synth.geometry.solids import Item
 from mcpseg_cli.synth.rooms.contents.homes import homes
+from mcpseg_cli.synth.rooms.contents.records import Amount
 from mcpseg_cli.synth.rooms.dressing import (
     bookcases,
     dress_top,
@@ -18,10 +19,13 @@ from mcpseg_cli.synth.rooms.dressing import (
     wall_shelves,
     windows,
 )
+from mcpseg_cli.synth.rooms.fitted import cabinets, room_finish
+from mcpseg_cli.synth.rooms.kitchens import fit_kitchenette
 from mcpseg_cli.synth.rooms.placed import Placed, about_centre
 from mcpseg_cli.synth.rooms.placement import Placement
 from mcpseg_cli.synth.rooms.seating import pick_chair, seat_at, seats_around, seats_in_ring
 from mcpseg_cli.synth.things.bookcases import make_bookcase
+from mcpseg_cli.synth.things.cabinets import make_cabinet
 from mcpseg_cli.synth.things.chairs import make_chair
 from mcpseg_cli.synth.things.home_sofas import HomeSofa, make_home_sofa
 from mcpseg_cli.synth.things.tables import make_table, meeting_parts
@@ -35,10 +39,14 @@ def furnish_living_room(placement: Placement) -> None:
     _sitting_group(placement)
     if placement.has(holds.dining_group):
         dining_group(placement)
+    if placement.has(holds.kitchenette):
+        fit_kitchenette(placement)
 
     # what stands along the walls
     if placement.chance(holds.sofa_at_wall):
         placement.against_wall(make_home_sofa(2, style, rng).item, gap=0.1, tries=12)
+    chairs_at_walls(placement, holds.chairs_at_walls)
+    cabinets(placement, placement.several(holds.cabinets, area), on_furniture)
     count = placement.times(holds.bookcases, area)
     bookcases(placement, count, holds.bookcases.of, on_furniture)
     for _ in range(placement.times(holds.standard_lamps, area)):
@@ -46,6 +54,17 @@ def furnish_living_room(placement: Placement) -> None:
     for _ in range(placement.times(holds.side_tables, area)):
         _side_table(placement, None)
     dress_home(placement)
+
+
+def chairs_at_walls(placement: Placement, amount: Amount) -> None:
+    """Stand chairs of a household about: dining chairs, easy chairs, a desk chair."""
+    for _ in range(placement.times(amount, placement.area)):
+        design = placement.one_of(homes().home.chairs)
+        item = make_chair(design, placement.style, placement.rng)
+        if placement.chance(0.7):
+            placement.against_wall(item, gap=0.1, turn=0.3, tries=10)
+        else:
+            placement.freely(item)
 
 
 def dress_home(placement: Placement) -> None:
@@ -115,7 +134,7 @@ def _seats_about(placement: Placement, table: Placed) -> None:
     if placement.chance(holds.second_sofa):
         other = make_home_sofa(placement.count(holds.seats_of_second), style, rng).item
         _opposite(placement, table, other, sides)
-    chair = make_chair("armchair", style, rng)
+    chair = make_chair(placement.one_of(homes().home.armchairs), style, rng)
     for side in sides[: placement.count(holds.armchairs)]:
         off = rng.normal(0, 0.1)
         seat_at(placement, table, chair, off, side=side, pull=rng.uniform(0.35, 0.6))
@@ -146,7 +165,10 @@ def _television(placement: Placement, placed: Placed, sofa: HomeSofa) -> None:
     # the wall the sofa looks at, as near to its middle as it fits
     side = (round(placed.yaw / (np.pi / 2)) + 2) % 4
     spot = placed.at(sofa.middle, 0.0)[side % 2] - float(room.low[side % 2])
-    items = make_bookcase("tv board", placement.style, rng)
+    if placement.chance(holds.low_unit):
+        items = [make_cabinet("low unit", placement.style, rng, room_finish(placement))]
+    else:
+        items = make_bookcase("tv board", placement.style, rng)
     steps = (0.0, 0.3, -0.3, 0.7, -0.7, 1.1, -1.1)
     poses = [placement.wall_pose(side, spot + step, rng.uniform(0.02, 0.06), 0.0) for step in steps]
     board = placement.try_poses(items, poses) or placement.against_wall(items, tries=10)
@@ -181,8 +203,13 @@ def furnish_dining_room(placement: Placement) -> None:
     holds, area = homes().dining_room, placement.area
     windows(placement)
     dining_group(placement)
+    if placement.has(holds.kitchenette):
+        fit_kitchenette(placement)
 
-    count = 1 + placement.times(holds.bookcases, area)
+    chairs_at_walls(placement, holds.chairs_at_walls)
+    kinds = placement.several(holds.cabinets, area)
+    cabinets(placement, kinds, homes().home.on_furniture)
+    count = placement.times(holds.bookcases, area)
     bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
     if placement.chance(holds.sofa):
         sofa = make_home_sofa(2, placement.style, placement.rng)

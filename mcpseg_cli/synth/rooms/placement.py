@@ -13,6 +13,7 @@ from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.rooms.contents.records import Amount, Chance, Several
 from mcpseg_cli.synth.rooms.floor_space import FloorSpace
 from mcpseg_cli.synth.rooms.placed import Placed, Pose, about_centre, holds
+from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style
 
 _DOOR_DEPTH = 0.7  # metres in front of a door that stay free
@@ -23,9 +24,14 @@ _CORNERS = (0.7, 0.15, 0.15)  # shares of things along a wall, at its low end an
 class Placement:
     """The furniture of a room while it is being placed."""
 
-    def __init__(self, room: Room, style: Style, rng: np.random.Generator) -> None:
-        """Start with the bare room: what is taken, doors and windows keep furniture off."""
-        self.room, self.style, self.rng = room, style, rng
+    def __init__(
+        self, room: Room, style: Style, rng: np.random.Generator, wall: Material | None = None
+    ) -> None:
+        """Start with the bare room: what is taken, doors and windows keep furniture off.
+
+        ``wall`` is the surface of its walls, for cabinets of their colour; None if not known.
+        """
+        self.room, self.style, self.rng, self.wall = room, style, rng, wall
         self.placed: list[Placed] = []
         self.rugs: list[Item] = []
         self.size = room.high - room.low

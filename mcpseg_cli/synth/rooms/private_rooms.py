@@ -1,16 +1,14 @@
-"""The other rooms of a home: bedroom, kitchen, study, bathroom, corridor."""
+"""The other rooms of a home: bedroom, study, bathroom, corridor."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mcpseg_cli.synth.geometry.shapes import stand
 from mcpseg_cli.synth.rooms.contents.homes import homes
 from mcpseg_cli.synth.rooms.desks import pick_desk, work_place
 from mcpseg_cli.synth.rooms.dressing import (
     BASIN,
     OVER_BASINS,
-    OVER_COUNTERS,
     bookcases,
     dress_top,
     floor_clutter,
@@ -20,47 +18,58 @@ from mcpseg_cli.synth.rooms.dressing import (
     wall_clutter,
     windows,
 )
-from mcpseg_cli.synth.rooms.living_rooms import dress_home
+from mcpseg_cli.synth.rooms.fitted import cabinets, fit_walls, room_finish
+from mcpseg_cli.synth.rooms.living_rooms import chairs_at_walls, dress_home
 from mcpseg_cli.synth.rooms.placed import Placed
 from mcpseg_cli.synth.rooms.placement import Placement
-from mcpseg_cli.synth.rooms.seating import eating_place, pick_chair
+from mcpseg_cli.synth.rooms.seating import pick_chair
 from mcpseg_cli.synth.things.bookcases import make_bookcase
+from mcpseg_cli.synth.things.cabinets import make_cabinet
 from mcpseg_cli.synth.things.chairs import make_chair
 from mcpseg_cli.synth.things.home_sofas import make_home_sofa
-from mcpseg_cli.synth.things.kitchen_and_washroom import counter_parts
 from mcpseg_cli.synth.things.tables import make_table
 
 
 def furnish_bedroom(placement: Placement) -> None:
-    """A bed between small tables with lamps, wardrobes, a chest, a chair, a rug, clothes."""
+    """Beds between small tables with lamps, wardrobes, chests, a desk, chairs, a rug, clothes."""
     holds, style, rng = homes().bedroom, placement.style, placement.rng
-    area, on_furniture = placement.area, homes().home.on_furniture
+    area = placement.area
     windows(placement)
     bed = _bed(placement)
     if bed is not None:
         _beside_bed(placement, bed)
 
-    # wardrobes, a chest, a desk
-    bookcases(placement, placement.count(holds.wardrobes), ("cupboard",), holds.on_wardrobes)
-    count = placement.times(holds.bookcases, area)
-    bookcases(placement, count, holds.bookcases.of, on_furniture)
+    # a second bed, a desk, seats
+    if placement.chance(holds.second_bed):
+        _bed(placement)
     if placement.chance(holds.desk):
         desk = pick_desk(placement)
         work_place(placement, desk, pick_chair(placement, holds.desk_chairs), wall=True)
-
-    # seats
     if placement.chance(holds.armchair):
-        placement.against_wall(make_chair("armchair", style, rng), gap=0.15, turn=0.4)
+        design = placement.one_of(homes().home.armchairs)
+        placement.against_wall(make_chair(design, style, rng), gap=0.15, turn=0.4)
+    chairs_at_walls(placement, holds.chairs_at_walls)
     if placement.chance(holds.sofa):
         placement.against_wall(make_home_sofa(2, style, rng).item, gap=0.08)
+    _bedroom_cabinets(placement)
     floor_clutter(placement, holds.on_floor, area)
     dress_home(placement)
+
+
+def _bedroom_cabinets(placement: Placement) -> None:
+    """Stand wardrobes, chests and shelves along the walls."""
+    holds, area, on_furniture = homes().bedroom, placement.area, homes().home.on_furniture
+    kinds = placement.some_of(holds.wardrobes.of, holds.wardrobes)
+    cabinets(placement, kinds, holds.on_wardrobes)
+    cabinets(placement, placement.several(holds.cabinets, area), on_furniture)
+    count = placement.times(holds.bookcases, area)
+    bookcases(placement, count, holds.bookcases.of, on_furniture)
 
 
 def _bed(placement: Placement) -> Placed | None:
     """Place a bed; another one if the first does not fit."""
     for _ in range(3):
-        item = make_thing(placement, "bed")
+        item = make_thing(placement, placement.one_of(homes().bedroom.beds))
         bed = placement.against_wall(item, gap=0.05, tries=12, over_windows=True)
         if bed is not None:
             return bed
@@ -70,8 +79,13 @@ def _bed(placement: Placement) -> Placed | None:
 def _beside_bed(placement: Placement, bed: Placed) -> None:
     """Place small tables at both sides of a bed and a rug before it."""
     holds, rng = homes().bedroom, placement.rng
+    finish = room_finish(placement)
+    has_cabinets = placement.chance(holds.bedside_cabinets)
     for _ in range(2):
-        item = make_table("side", placement.style, rng)
+        if has_cabinets:
+            item = make_cabinet("bedside cabinet", placement.style, rng, finish)
+        else:
+            item = make_table("side", placement.style, rng)
         table = placement.against_wall(item, near=bed, tries=0)
         if table is not None:
             if placement.chance(holds.bedside_lamp):
@@ -84,49 +98,21 @@ def _beside_bed(placement: Placement, bed: Placed) -> None:
         lay_rug(placement, spot, bed.yaw, (width, rng.uniform(*holds.rug_depth)))
 
 
-def furnish_kitchen(placement: Placement) -> None:
-    """Counters with cupboards over them, a fridge, at times a washing machine, a small table."""
-    holds, area = homes().kitchen, placement.area
-    windows(placement)
-    near = _counters(placement)
-    placement.against_wall(make_thing(placement, "fridge"), near=near)
-    if placement.chance(holds.washing_machine):
-        placement.against_wall(make_thing(placement, "washing machine"), near=near)
-    if placement.chance(holds.eating_place):
-        eating_place(placement)
-
-    count = placement.times(holds.bookcases, area)
-    bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
-    wall_clutter(placement, holds.on_walls, area)
-    floor_clutter(placement, holds.on_floor, area)
-
-
-def _counters(placement: Placement) -> Placed | None:
-    """Place counters side by side, with things on them and cupboards over them; return the last."""
-    holds, style, rng = homes().kitchen, placement.style, placement.rng
-    near = None
-    for width in [rng.uniform(*ends) for ends in holds.counters]:
-        parts = counter_parts(min(width, placement.length - 0.9), style, rng)
-        item = stand("clutter", parts)
-        near = placement.against_wall(item, gap=0.005, turn=0.0, tries=16, near=near) or near
-        if near is not None:
-            dress_top(placement, near, placement.several(holds.on_counters))
-            over = (near.x, near.y, OVER_COUNTERS, near.yaw)
-            placement.put(make_thing(placement, "wall cupboard"), over)
-    return near
-
-
 def furnish_study(placement: Placement) -> None:
     """A desk, bookcases, often a sofa to sleep on."""
     holds, rng = homes().study, placement.rng
     windows(placement)
-    desk = pick_desk(placement)
-    work_place(placement, desk, pick_chair(placement, holds.chairs), wall=True)
+    for _ in range(2 if placement.chance(holds.second_desk) else 1):
+        desk = pick_desk(placement)
+        work_place(placement, desk, pick_chair(placement, holds.chairs), wall=True)
+    chairs_at_walls(placement, holds.chairs_at_walls)
     if placement.chance(holds.sofa):
         sofa = make_home_sofa(placement.count(holds.seats), placement.style, rng)
         placement.against_wall(sofa.item, gap=0.08, tries=16)
 
-    count = 1 + placement.times(holds.bookcases, placement.area)
+    kinds = placement.several(holds.cabinets, placement.area)
+    cabinets(placement, kinds, homes().home.on_furniture)
+    count = placement.times(holds.bookcases, placement.area)
     bookcases(placement, count, holds.bookcases.of, homes().home.on_furniture)
     if placement.chance(holds.rug):
         x, y = placement.middle.tolist()
@@ -136,17 +122,15 @@ def furnish_study(placement: Placement) -> None:
 
 
 def furnish_bathroom(placement: Placement) -> None:
-    """A tub, a toilet, a basin with a mirror, often a washing machine, laundry, a mat."""
+    """A tub or a shower, a toilet, basins with mirrors, a washing machine, towels, a mat."""
     holds, style, rng = homes().bathroom, placement.style, placement.rng
-    tub = make_thing(placement, "bath tub")
+    tub = make_thing(placement, placement.one_of(holds.tubs))
     tub_placed = placement.against_wall(tub, gap=0.005, turn=0.0, tries=20)
     toilet = make_thing(placement, "toilet")
     placement.against_wall(toilet, gap=0.005, turn=0.0, tries=16)
-    basin = make_thing(placement, "basin")
-    placed = placement.against_wall(basin, z=BASIN, gap=0.003, turn=0.0, tries=16)
-    if placed is not None:
-        mirror = make_thing(placement, "mirror")
-        placement.put(mirror, (placed.x, placed.y, OVER_BASINS, placed.yaw))
+    _basin(placement)
+    for kind in placement.several(holds.on_floor_at_walls, placement.area):
+        placement.against_wall(make_thing(placement, kind), gap=0.01, turn=0.0, tries=12)
 
     # what there is space for
     if placement.chance(holds.washing_machine):
@@ -161,11 +145,28 @@ def furnish_bathroom(placement: Placement) -> None:
     floor_clutter(placement, holds.on_floor, placement.area)
 
 
+def _basin(placement: Placement) -> None:
+    """Place a basin or a vanity, a mirror or a cabinet over it."""
+    holds, rng = homes().bathroom, placement.rng
+    if placement.chance(holds.vanity):
+        vanity = make_thing(placement, "vanity")
+        placed = placement.against_wall(vanity, gap=0.004, turn=0.0, tries=16)
+    else:
+        basin = make_thing(placement, "basin")
+        placed = placement.against_wall(basin, z=BASIN, gap=0.003, turn=0.0, tries=16)
+    if placed is not None:
+        kind = placement.one_of(("mirror", "mirror cabinet"))
+        high = OVER_BASINS + rng.uniform(0.0, 0.2)
+        placement.put(make_thing(placement, kind), (placed.x, placed.y, high, placed.yaw))
+
+
 def furnish_corridor(placement: Placement) -> None:
     """Coats, shoes, mirrors and pictures along one wall, a runner; a way through stays free."""
     holds, style, rng = homes().corridor, placement.style, placement.rng
     length = placement.length
     placement.keep_passage(holds.passage)
+    fit_walls(placement)
+    cabinets(placement, placement.several(holds.cabinets, length), homes().home.on_furniture)
 
     for _ in range(placement.times(holds.bookcases, length)):
         kind = placement.one_of(holds.bookcases.of)

@@ -1,4 +1,4 @@
-"""The buildings to choose from: six styles of office, homes, and how more are drawn.
+"""The buildings to choose from: styles of offices and of homes, and how more are drawn.
 
 Their colours and numbers are the tables of ``synth/styles/``.
 """
@@ -12,37 +12,51 @@ from typing import TypeVar
 
 import numpy as np
 
+from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.synth.surfaces.materials import Colour, Material
 from mcpseg_cli.synth.surfaces.styles import Style
 from mcpseg_cli.synth.toml_tables import read_table
 
 _STYLES = Path(__file__).parents[1] / "styles"
+_OFFICES = 6  # the first styles, which areas without a style of their own are crossed from
 Choice = TypeVar("Choice")
 
 
 @cache
-def styles() -> tuple[Style, ...]:
-    """Return the styles in the order of their files: those of offices, then that of homes.
+def numbered_styles() -> dict[int, Style]:
+    """Return the styles by the numbers that their files' names begin with, in rising order.
 
     Raises:
         InputError: A file is damaged.
     """
-    return tuple(read_table(path, Style) for path in sorted(_STYLES.glob("*.toml")))
+    paths = sorted(_STYLES.glob("*.toml"), key=lambda path: natural_key(path.name))
+    return {int(path.name.split("_")[0]): read_table(path, Style) for path in paths}
+
+
+@cache
+def styles() -> tuple[Style, ...]:
+    """Return the styles in the order of their numbers: six of offices, homes, then some of each.
+
+    Raises:
+        InputError: A file is damaged.
+    """
+    return tuple(numbered_styles().values())
 
 
 def style_of(number: int, rng: np.random.Generator) -> Style:
     """Draw the style of area ``number`` (from 1), its colours and habits varied.
 
-    Areas 1-6 are the offices in turn and area 7 is homes, with a few of its floors, paints and
-    covers. From area 8 on, the surfaces of one office meet the furniture of another, so that no two
-    areas are alike.
+    Areas 1-6 are the offices in turn; area 7 is homes, 16 offices full of joinery, 17 flats and
+    27 houses, with a few of their floors, paints and covers. The surfaces of any other office meet
+    the furniture of another, so that no two areas are alike.
     """
-    *offices, homes = styles()
-    style = homes if number == len(styles()) else offices[(number - 1) % len(offices)]
-    if number == len(styles()):
+    numbered = numbered_styles()
+    offices = [numbered[first] for first in range(1, _OFFICES + 1)]
+    style = numbered.get(number, offices[(number - 1) % _OFFICES])
+    if number > _OFFICES and number in numbered:
         style = _some_of(style, rng)
-    elif number > len(styles()):
-        style = _crossed(style, offices[int(rng.integers(len(offices)))])
+    elif number > _OFFICES:
+        style = _crossed(style, offices[int(rng.integers(_OFFICES))])
     return _varied(style, rng)
 
 

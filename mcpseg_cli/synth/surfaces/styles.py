@@ -64,6 +64,9 @@ class Style(Record):
         beams: Share of rooms with beams.
         columns: Share of rooms with columns.
         ducts: Share of rooms with open ducts and pipes where the ceiling is not suspended.
+        cabinets: How many cabinets are fitted to walls or stand at them; 0 for none beside those
+            that rooms have anyway.
+        curtains: Share of rooms with curtains down to the floor, or blinds before the wall.
         is_public: Whether there are signs, extinguishers, vents and sprinklers.
         lamps: Kinds of lamp.
         lamp_pitch: How far lamps of one ceiling are apart, lowest and highest, metres; downlights
@@ -111,6 +114,8 @@ class Style(Record):
     beams: Share
     columns: Share
     ducts: Share
+    cabinets: Share
+    curtains: Share
     is_public: bool
 
     lamps: OneOrMore[LampKind]

@@ -26,6 +26,7 @@ from mcpseg_cli.synth.surfaces.styles import (
     pick_plastic,
     pick_wood,
 )
+from mcpseg_cli.synth.things.armchairs import club_chair, easy_chair, swivel_tub, wing_chair
 from mcpseg_cli.synth.things.boxes_and_bags import bright
 from mcpseg_cli.synth.things.chair_parts import (
     armrests,
@@ -252,5 +253,9 @@ CHAIR_DESIGNS: dict[str, Callable[[Style, np.random.Generator], list[Part]]] = {
     "folding": _folding,
     "cantilever": _cantilever,
     "bench": bench,
+    "club": club_chair,
+    "wing": wing_chair,
+    "easy": easy_chair,
+    "swivel tub": swivel_tub,
 }
 """Chairs by name: what makes their parts."""

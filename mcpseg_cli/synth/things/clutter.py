@@ -9,14 +9,17 @@ import numpy as np
 from mcpseg_cli.synth.geometry.shapes import stand
 from mcpseg_cli.synth.geometry.solids import Item, Part
 from mcpseg_cli.synth.surfaces.styles import Style
+from mcpseg_cli.synth.things import beds, plants
 from mcpseg_cli.synth.things import boxes_and_bags as loose
 from mcpseg_cli.synth.things import desk_things as desk
 from mcpseg_cli.synth.things import floor_things as floor
+from mcpseg_cli.synth.things import home_fittings as fittings
 from mcpseg_cli.synth.things import home_things as home
 from mcpseg_cli.synth.things import kitchen_and_washroom as wet
+from mcpseg_cli.synth.things import kitchen_units as kitchen
 from mcpseg_cli.synth.things import office_equipment as office
-from mcpseg_cli.synth.things import plants
 from mcpseg_cli.synth.things import wall_things as wall
+from mcpseg_cli.synth.things.cabinets import CABINET_KINDS, cabinet_kind
 
 Maker = Callable[[Style, np.random.Generator], list[Part]]
 
@@ -64,6 +67,9 @@ SMALL_THINGS: dict[str, Maker] = {
     "television": home.television,
     "bowl": home.bowl,
     "candles": home.candles,
+    "pots": kitchen.pots,
+    "dish rack": kitchen.dish_rack,
+    "toaster": kitchen.toaster,
 }
 """What stands on tables, shelves and sills."""
 FLOOR_THINGS: dict[str, Maker] = {
@@ -104,6 +110,20 @@ FLOOR_THINGS: dict[str, Maker] = {
     "bed": home.bed,
     "bath tub": home.bath_tub,
     "washing machine": home.washing_machine,
+    "divan": beds.divan,
+    "iron bed": beds.iron_bed,
+    "bunk bed": beds.bunk_bed,
+    "cooker": kitchen.cooker,
+    "dishwasher": kitchen.dishwasher,
+    "shower": fittings.shower,
+    "vanity": fittings.vanity,
+    "shoes": fittings.shoes,
+    "shoe rack": fittings.shoe_rack,
+    "drying rack": fittings.drying_rack,
+    "ironing board": fittings.ironing_board,
+    "pouffe": fittings.pouffe,
+    "pushchair": fittings.pushchair,
+    **{kind: cabinet_kind(kind) for kind in CABINET_KINDS},
 }
 """What stands on the floor."""
 WALL_THINGS: dict[str, Maker] = {
@@ -118,6 +138,11 @@ WALL_THINGS: dict[str, Maker] = {
     "basin": wet.basin,
     "urinal": wet.urinal,
     "towel box": wet.towel_box,
+    "hood": kitchen.hood,
+    "mirror cabinet": fittings.mirror_cabinet,
+    "towel rail": fittings.towel_rail,
+    "towel": fittings.towel,
+    "coats": fittings.coats,
     "ceiling projector": wall.ceiling_projector,
 }
 """What hangs on walls; the projector hangs from the ceiling."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from mcpseg_cli.synth.rooms.contents.records import (
     Amount,
     Bookcase,
+    Cabinet,
     Chair,
     Chance,
     Clutter,
@@ -22,6 +23,8 @@ class Home(Record):
     """What hangs, stands and lies about in any room of a home."""
 
     wall_shelves: Amount
+    chairs: OneOrMore[Chair]
+    armchairs: OneOrMore[Chair]
     on_furniture: OneOrMore[Clutter]
     on_walls: Several[OnWall]
     on_floor: Several[Clutter]
@@ -31,7 +34,10 @@ class LivingRoom(Record):
     """A sitting group and what stands about it."""
 
     dining_group: Chance
+    kitchenette: Chance
     sofa_at_wall: Share
+    chairs_at_walls: Amount
+    cabinets: Several[Cabinet]
     bookcases: Several[Bookcase]
     standard_lamps: Amount
     side_tables: Amount
@@ -53,6 +59,7 @@ class SittingGroup(Record):
     rug: Share
     rug_width: Range[Metres]
     rug_depth: Range[Metres]
+    low_unit: Share
     television_on_board: Share
     on_tv_board: Amount
 
@@ -79,19 +86,27 @@ class DiningGroup(Record):
 class DiningRoom(Record):
     """What stands beside the meal table."""
 
+    kitchenette: Chance
+    chairs_at_walls: Amount
+    cabinets: Several[Cabinet]
     bookcases: Several[Bookcase]
     sofa: Share
 
 
 class Bedroom(Record):
-    """What stands beside the bed."""
+    """The bed and what stands beside it."""
 
+    beds: OneOrMore[Clutter]
+    second_bed: Share
+    bedside_cabinets: Share
+    chairs_at_walls: Amount
+    cabinets: Several[Cabinet]
     rug: Share
     rug_margin: Range[Metres]
     rug_depth: Range[Metres]
     bedside_lamp: Share
     on_bedside: Several[Clutter]
-    wardrobes: Range[Count]
+    wardrobes: Several[Cabinet]
     on_wardrobes: OneOrMore[Clutter]
     bookcases: Several[Bookcase]
     desk: Share
@@ -102,8 +117,15 @@ class Bedroom(Record):
 
 
 class Kitchen(Record):
-    """Counters, one after the other with their lengths, and a place to eat."""
+    """Fitted units, or counters one after the other with their lengths, and a place to eat."""
 
+    fitted: Share
+    tall_units: Range[Count]
+    fridge: Share
+    second_line: Share
+    wall_units: Share
+    hood: Share
+    cabinets: Several[Cabinet]
     counters: OneOrMore[Range[Metres]]
     on_counters: Several[Clutter]
     washing_machine: Share
@@ -114,8 +136,11 @@ class Kitchen(Record):
 
 
 class Study(Record):
-    """A desk's chair, a sofa, bookcases, a rug."""
+    """Desks with their chairs, a sofa, bookcases, a rug."""
 
+    second_desk: Share
+    chairs_at_walls: Amount
+    cabinets: Several[Cabinet]
     chairs: OneOrMore[Chair]
     sofa: Share
     seats: Range[Count]
@@ -126,8 +151,11 @@ class Study(Record):
 
 
 class Bathroom(Record):
-    """What there is besides tub, toilet and basin."""
+    """What there is besides a toilet."""
 
+    tubs: OneOrMore[Clutter]
+    vanity: Share
+    on_floor_at_walls: Several[Clutter]
     washing_machine: Share
     shelf: Share
     mat: Share
@@ -141,6 +169,7 @@ class Corridor(Record):
     """Things along one wall; amounts are for each metre of length."""
 
     passage: Metres
+    cabinets: Several[Cabinet]
     bookcases: Several[Bookcase]
     benches: Amount
     runner: Share

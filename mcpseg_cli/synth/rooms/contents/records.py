@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field
 
 from mcpseg_cli.synth.things.boards import BOARD_KINDS
 from mcpseg_cli.synth.things.bookcases import BOOKCASE_KINDS
+from mcpseg_cli.synth.things.cabinets import CABINET_KINDS
 from mcpseg_cli.synth.things.chairs import CHAIR_DESIGNS
 from mcpseg_cli.synth.things.clutter import CLUTTER_KINDS
 from mcpseg_cli.synth.things.tables import TABLE_DESIGNS
@@ -32,6 +33,7 @@ def known(kinds: Collection[str]) -> AfterValidator:
 Clutter = Annotated[str, known(CLUTTER_KINDS)]
 Bookcase = Annotated[str, known(BOOKCASE_KINDS)]
 Board = Annotated[str, known(BOARD_KINDS)]
+Cabinet = Annotated[str, known(CABINET_KINDS)]
 Chair = Annotated[str, known(CHAIR_DESIGNS)]
 Table = Annotated[str, known(TABLE_DESIGNS)]
 Count = Annotated[int, Field(ge=0, le=100)]
