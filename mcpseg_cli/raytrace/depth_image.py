@@ -18,7 +18,7 @@ from mcpseg_cli.building import Building
 IMAGE_SHAPE = (120, 160)
 """Rows and columns."""
 
-_DARK = 60.0  # luminance, of 255, below which light is lost, all of it ...
+_DARK = 80.0  # luminance, of 255, below which light is lost, all of it ...
 _DARK_RANGE = 4.0  # ... of black at so many metres
 _GRAZING = (0.3, 0.05)  # cosine to the normal: below the first some are lost, at the second all
 _JUMP = 0.1  # metres of depth to the pixel beside, that make an edge
