@@ -75,7 +75,7 @@ def test_holes_are_patches():
 
 @given(st.floats(0.0, 1.5), st.floats(-1.0, 1.0))
 def test_a_plane_has_no_edges_however_slanted(across, down):
-    y, x = np.mgrid[-0.5 : 0.5 : 120j, -0.5 : 0.5 : 160j]
+    y, x = np.mgrid[-0.5:0.5:120j, -0.5:0.5:160j]
     edge, thin = find_edges(2.0 / (1.0 + 0.9 * across * x + 0.9 * down * y))
     assert not edge.any()
     assert not thin.any()
