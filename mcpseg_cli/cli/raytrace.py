@@ -123,7 +123,8 @@ def raytrace(
 ) -> None:
     """Drive a robot through known buildings and scan them.
 
-    A scan every --step metres, 360 x 180 degrees, one point for every voxel that a ray ends in. The
+    A scan every --step metres, 360 x 180 degrees or what the --scanner covers, one point for every
+    voxel that a ray ends in. The
     output folder gets scans/ (no labels), gt/ (the same points with semantic and instance),
     poses.csv and raytrace.json: what 'mcpseg segment' and 'mcpseg eval' read. Run the same command
     again to continue after an interruption.
@@ -133,6 +134,7 @@ def raytrace(
       mcpseg raytrace s3dis/Area_1 --step 0.2
       mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/
       mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
+      mcpseg raytrace office.ply --scanner depth-camera --step 0.4 -o office_walk/
     """
     import json
 
