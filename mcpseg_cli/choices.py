@@ -56,8 +56,15 @@ ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 View = Literal["top", "cut", "perspective"]
 """Where a picture is seen from."""
 
-Scanner = Literal["paper", "authors"]
-"""What the simulated scanner covers: all directions (III-A), or what the authors' does."""
+Sensor = Literal["sphere", "depth-camera", "lidar-16", "lidar-32"]
+"""What a virtual robot looks with: rays in all directions (III-A), a hand-held depth camera, or a
+lidar of 16 or 32 rings.
+"""
+
+Scanner = Literal["paper", "sphere", "authors", "depth-camera", "lidar-16", "lidar-32"]
+"""Sensors with their settings: ``paper`` is the sphere (III-A), ``authors`` as much of it as the
+authors' program covers.
+"""
 
 Schedule = Literal["constant", "cosine"]
 """How the learning rate goes: as in III-D, or falling to 0."""

@@ -2,7 +2,14 @@
 
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from mcpseg_cli.choices import (
     Architecture,
@@ -12,7 +19,9 @@ from mcpseg_cli.choices import (
     ContextWindow,
     FloorRule,
     Labelling,
+    Scanner,
     Schedule,
+    Sensor,
     TrainPrecision,
 )
 
@@ -98,29 +107,47 @@ class RegionGrowingSettings(BaseModel):
     max_colour: float = Field(default=40.0, ge=0.0)
 
 
-AUTHORS_SCANNER = {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0}
-"""What the scanner of the authors' program covers; the paper says a full sphere (III-A)."""
+_LIDAR: dict[str, object] = {"height": 0.7, "reach": 30.0, "horizontal_deg": 0.2, "noise": 0.02}
+SCANNERS: dict[Scanner, dict[str, object]] = {
+    "paper": {},
+    "sphere": {},
+    "authors": {"lowest_deg": -45.0, "highest_deg": 80.0, "reach": 5.0},
+    "depth-camera": {"sensor": "depth-camera", "views": 3, "height": 1.45, "noise": 0.002},
+    "lidar-16": {"sensor": "lidar-16", **_LIDAR},
+    "lidar-32": {"sensor": "lidar-32", **_LIDAR},
+}
+"""Settings of each scanner, where they are not the defaults: the full sphere of III-A."""
+
+_OF_THE_SPHERE = ("vertical_deg", "lowest_deg", "highest_deg")
 
 
 class RaytraceSettings(BaseModel):
     """Everything that decides virtual scans; lengths in metres, angles in degrees.
 
+    What only other sensors have is neither given nor written to a record.
+
     Attributes:
+        sensor: What the robot looks with.
+        views: Scans in a ``step``, each turned elsewhere; of a depth camera.
         voxel_size: Edge of a voxel of the grid that rays are cast in (III-A).
-        step: Way between two scans (III-A).
-        height: The scanner's height over the floor.
+        step: Way between two scans (III-A), or from ``views`` of them to the next.
+        height: The scanner's height over the floor; a depth camera is carried around it.
         reach: Farthest a ray goes.
-        horizontal_deg: Horizontal angle between rays (III-A).
-        vertical_deg: Vertical angle between rays (III-A).
-        lowest_deg: Elevation of the lowest rays; -90 is straight down.
-        highest_deg: Elevation that rays stay below.
-        noise: Standard deviation of the measured range.
+        horizontal_deg: Horizontal angle between rays (III-A); not of a depth camera.
+        vertical_deg: Vertical angle between rays (III-A); of the sphere.
+        lowest_deg: Elevation of the lowest rays; -90 is straight down; of the sphere.
+        highest_deg: Elevation that rays stay below; of the sphere.
+        noise: Standard deviation of the measured range; of a depth camera at 1 m, from where it
+            grows with the square of the range.
         dropout: Share of the points that are lost.
-        seed: Seed of the noise, the drop-out and of which point stands for a voxel.
+        seed: Seed of the noise, the drop-out, of which point stands for a voxel, and of how a
+            sensor is carried.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    sensor: Sensor = "sphere"
+    views: int = Field(default=1, ge=1, le=100)
     voxel_size: float = Field(default=0.1, ge=0.01, le=10.0)
     step: float = Field(default=0.2, ge=0.01, le=100.0)
     height: float = Field(default=1.0, gt=0.0, le=10.0)
@@ -138,6 +165,29 @@ class RaytraceSettings(BaseModel):
         if self.lowest_deg >= self.highest_deg:
             raise ValueError("lowest_deg must be below highest_deg")
         return self
+
+    @model_validator(mode="after")
+    def _only_its_own(self) -> Self:
+        for setting in _foreign(self.sensor):
+            if setting in self.model_fields_set:
+                raise ValueError(f"{setting} is no setting of a {self.sensor}; leave it out")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_foreign(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out what the sensor does not have."""
+        values: dict[str, object] = handler(self)
+        left_out = {*_foreign(self.sensor), *(("sensor",) if self.sensor == "sphere" else ())}
+        return {name: value for name, value in values.items() if name not in left_out}
+
+
+def _foreign(sensor: Sensor) -> tuple[str, ...]:
+    """Name the settings that a sensor does not have."""
+    if sensor == "sphere":
+        return ("views",)
+    if sensor == "depth-camera":
+        return ("horizontal_deg", *_OF_THE_SPHERE)
+    return ("views", *_OF_THE_SPHERE)
 
 
 class TrainSettings(BaseModel):

@@ -55,8 +55,15 @@ def raytrace(
     ] = None,
     scanner: Annotated[
         Scanner,
-        typer.Option(help="paper: full sphere. authors: -45 to 80 degrees, as in their program."),
+        typer.Option(
+            help="paper, or sphere: all directions. authors: -45 to 80 degrees, as in their "
+            "program. depth-camera: carried by hand. lidar-16, lidar-32: rings."
+        ),
     ] = "paper",
+    views: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Scans of a depth camera in every --step.  [default: 3]"),
+    ] = None,
     v_min: Annotated[
         _Degrees, typer.Option(metavar="DEGREES", help="Elevation of the lowest rays.")
     ] = None,
@@ -64,24 +71,42 @@ def raytrace(
         _Degrees, typer.Option(metavar="DEGREES", help="Elevation that rays stay below.")
     ] = None,
     h_res: Annotated[
-        float, typer.Option(metavar="DEGREES", help="Horizontal angle between rays.")
-    ] = 1.0,
+        _Degrees,
+        typer.Option(
+            metavar="DEGREES",
+            help="Horizontal angle between rays.  [default: 1, of lidars 0.2]",
+        ),
+    ] = None,
     v_res: Annotated[
-        float, typer.Option(metavar="DEGREES", help="Vertical angle between rays.")
-    ] = 1.0,
+        _Degrees,
+        typer.Option(metavar="DEGREES", help="Vertical angle between rays.  [default: 1]"),
+    ] = None,
     reach: Annotated[
         _Metres,
-        typer.Option("--range", metavar="METRES", help="Reach of the scanner.  [default: 5]"),
+        typer.Option(
+            "--range",
+            metavar="METRES",
+            help="Reach of the scanner.  [default: 5, of lidars 30]",
+        ),
     ] = None,
     height: Annotated[
-        float, typer.Option(metavar="METRES", help="Height of the scanner over the floor.")
-    ] = 1.0,
+        _Metres,
+        typer.Option(
+            metavar="METRES",
+            help="Height over the floor.  [default: 1, of lidars 0.7, of cameras around 1.45]",
+        ),
+    ] = None,
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel: one point a scan each.")
     ] = 0.1,
     noise: Annotated[
-        float, typer.Option(metavar="METRES", help="Standard deviation of the measured range.")
-    ] = 0.0,
+        _Metres,
+        typer.Option(
+            metavar="METRES",
+            help="Standard deviation of the measured range; of cameras at 1 m, growing with the "
+            "square of the range.  [default: 0, of lidars 0.02, of cameras 0.002]",
+        ),
+    ] = None,
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
@@ -98,7 +123,8 @@ def raytrace(
 ) -> None:
     """Drive a robot through known buildings and scan them.
 
-    A scan every --step metres, 360 x 180 degrees, one point for every voxel that a ray ends in. The
+    A scan every --step metres, 360 x 180 degrees or what the --scanner covers, one point for every
+    voxel that a ray ends in. The
     output folder gets scans/ (no labels), gt/ (the same points with semantic and instance),
     poses.csv and raytrace.json: what 'mcpseg segment' and 'mcpseg eval' read. Run the same command
     again to continue after an interruption.
@@ -108,15 +134,17 @@ def raytrace(
       mcpseg raytrace s3dis/Area_1 --step 0.2
       mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/
       mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
+      mcpseg raytrace office.ply --scanner depth-camera --step 0.4 -o office_walk/
     """
     import json
 
     from mcpseg_cli.cli.display import print_table
-    from mcpseg_cli.config import AUTHORS_SCANNER, RaytraceSettings
+    from mcpseg_cli.config import SCANNERS, RaytraceSettings
 
     settings = settings_of(
         RaytraceSettings,
         {
+            "views": views,
             "voxel_size": voxel_size,
             "step": step,
             "height": height,
@@ -129,7 +157,7 @@ def raytrace(
             "dropout": dropout,
             "seed": seed,
         },
-        before=AUTHORS_SCANNER if scanner == "authors" else None,
+        before=SCANNERS[scanner],
     )
     folders = _folders(areas, output)
     if len(areas) > 1 and (waypoints or plot):

@@ -17,6 +17,7 @@ from mcpseg_cli.raytrace.rays import cast_rays
 from mcpseg_cli.raytrace.record import RouteRecord
 from mcpseg_cli.raytrace.route import Route, plan_route, read_waypoints
 from mcpseg_cli.raytrace.scanner import VirtualScanner
+from mcpseg_cli.raytrace.sensors import survey_pattern
 
 _HARDLY = 0.5  # of a room's free floor
 _ROBOT_HEIGHT = 1.4  # metres; a plan's free floor has nothing lower over it
@@ -153,7 +154,7 @@ def plan_drive(
         places = _choose_places(scanner, plan, threads, progress)
 
     # the way past all of it
-    route = plan_route(plan, places, settings.step, settings.height)
+    route = plan_route(plan, places, settings.step / settings.views, settings.height)
     if len(route) == 0:
         remedy = "give others, or none for automatic ones"
         raise InputError(source, "no waypoint on free floor", "at least one", remedy)
@@ -165,9 +166,12 @@ def _choose_places(
     scanner: VirtualScanner, plan: FloorPlan, threads: int, progress: Progress | None
 ) -> NDArray[np.float64]:
     """Choose automatic waypoints, (W, 2); there is at least one."""
-    height = scanner.settings.height
+    settings, pattern = scanner.settings, scanner.pattern
+    if settings.sensor != "sphere":
+        pattern = survey_pattern(settings)
+    height = settings.height
     places = choose_waypoints(
-        scanner.grid, plan, scanner.pattern, height, num_threads=threads, progress=progress
+        scanner.grid, plan, pattern, height, num_threads=threads, progress=progress
     )
     if len(places) == 0:
         raise InputError(

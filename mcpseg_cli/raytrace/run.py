@@ -17,6 +17,7 @@ from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, write_cloud
 from mcpseg_cli.formats.poses import read_poses
+from mcpseg_cli.raytrace.carrying import carry
 from mcpseg_cli.raytrace.drive import Progress, Waypoints, plan_drive
 from mcpseg_cli.raytrace.record import (
     BEGUN,
@@ -32,7 +33,8 @@ from mcpseg_cli.raytrace.record import (
     record_text,
 )
 from mcpseg_cli.raytrace.route_plot import plot_route
-from mcpseg_cli.raytrace.scanner import VirtualScanner, poses_table, rounded_places, scan_name
+from mcpseg_cli.raytrace.scanner import VirtualScan, VirtualScanner, poses_table, scan_name
+from mcpseg_cli.raytrace.sensors import SensorInBuilding
 from mcpseg_cli.resumable import check_same, remove_leftovers, write_whole
 
 _FORMAT = 1  # of the folder; another number is another run
@@ -74,7 +76,7 @@ class RaytraceRun:
         folder: Where the run is.
         request: What to do.
         record: ``raytrace.json``; None where there is none yet.
-        positions: (S, 3) float64 places to scan from, metres, map frame; None until planned.
+        poses: (S, 4, 4) float64 to scan from, as poses.csv has them; None until planned.
         scanner: The building and what scans it.
 
     Args:
@@ -106,22 +108,24 @@ class RaytraceRun:
         self.record = read_record(folder)
         earlier = None if self.record is None else self.record.identity()
         _check_folder(folder, earlier, None if overwrite else self._identity)
-        self.positions: NDArray[np.float64] | None = None
+        self.poses: NDArray[np.float64] | None = None
         if self.record is not None and not overwrite:
-            self.positions = _read_own_positions(folder, self.record.poses)
+            self.poses = _read_own_poses(folder, self.record.poses)
 
         self.scanner = VirtualScanner(building, request.settings)
+        is_sphere = request.settings.sensor == "sphere"
+        self._sensor = None if is_sphere else SensorInBuilding(self.scanner)
         self._seen = np.zeros(len(self.scanner.grid), bool)
 
     @property
     def num_scans(self) -> int:
         """Scans of the whole run; 0 until planned."""
-        return 0 if self.positions is None else len(self.positions)
+        return 0 if self.poses is None else len(self.poses)
 
     @property
     def is_complete(self) -> bool:
         """True when an earlier call made every scan, and all are still there."""
-        if not isinstance(self.record, FinishedRecord) or self.positions is None:
+        if not isinstance(self.record, FinishedRecord) or self.poses is None:
             return False
         return all(self._is_there(number) for number in range(self.num_scans))
 
@@ -150,7 +154,7 @@ class RaytraceRun:
         if share < _FEW_POINTS:
             remedy = f"give a --voxel-size above {self.request.settings.voxel_size:g}"
             notify(f"only {share:.1f} points a voxel: rays may pass through walls; {remedy}")
-        if self.positions is not None and picture is None:
+        if self.poses is not None and picture is None:
             return
 
         # floor plan, waypoints, route
@@ -161,22 +165,21 @@ class RaytraceRun:
         # the picture first: without it nothing is begun
         if picture is not None:
             plot_route(picture, drive.plan, drive.route, self.scanner.building)
-        if self.positions is None:
-            self.start(drive.route.poses, drive.record())
+        if self.poses is None:
+            self.start(carry(drive.route.poses, self.request.settings), drive.record())
 
     def start(self, poses: NDArray[np.float64], route: RouteRecord) -> None:
         """Record where to scan from, replacing an earlier run.
 
         Args:
-            poses: (S, 4, 4) float64, sensor to map, turned about z only; those that see nothing are
-                left out.
+            poses: (S, 4, 4) float64, sensor to map; those that see nothing are left out.
             route: What to record about the route.
 
         Raises:
             OutputError: Nothing is seen from anywhere.
             OSError: The folder cannot be written.
         """
-        sees = np.array([self.scanner.sees_anything(pose[:3, 3]) for pose in poses], bool)
+        sees = np.array([self._sees_anything(pose) for pose in poses], bool)
         if not sees.any():
             raise OutputError(
                 f"{self.folder}: nothing can be seen; expected another --range, --height or --v-min"
@@ -202,7 +205,7 @@ class RaytraceRun:
             )
         )
         write_whole(self.folder / "poses.csv", text)
-        self.positions = rounded_places(poses[sees])
+        self.poses = read_poses(self.folder / "poses.csv").poses  # rounded, as it will be read
 
     def run(self, jobs: int) -> Iterator[WrittenScan]:
         """Make the scans that are missing, several at once.
@@ -217,7 +220,7 @@ class RaytraceRun:
             OSError: The disk is full or the folder not writable; finished scans are kept.
         """
         # what a killed call was writing
-        assert self.positions is not None, "plan first"
+        assert self.poses is not None, "plan first"
         for folder in (self.folder, self.folder / "scans", self.folder / "gt"):
             remove_leftovers(folder)
 
@@ -257,13 +260,25 @@ class RaytraceRun:
 
     def _make(self, number: int) -> tuple[WrittenScan, NDArray[np.int32]]:
         """Make one scan and write what is not there yet."""
-        assert self.positions is not None
-        scan = self.scanner.scan(number, self.positions[number])
+        scan = self._scan(number)
         if not self._is_there(number):
             clouds = reversed(self.scanner.clouds(scan))
             for path, cloud in zip(self._files(number), clouds, strict=True):
                 write_cloud(path, cloud)
         return WrittenScan(scan_name(number), len(scan.points)), scan.voxels
+
+    def _scan(self, number: int) -> VirtualScan:
+        """Make one scan from its pose."""
+        assert self.poses is not None
+        if self._sensor is None:
+            return self.scanner.scan(number, self.poses[number, :3, 3])
+        return self._sensor.scan(number, self.poses[number])
+
+    def _sees_anything(self, pose: NDArray[np.float64]) -> bool:
+        """Tell whether a scan from a pose would have points."""
+        if self._sensor is None:
+            return self.scanner.sees_anything(pose[:3, 3])
+        return self._sensor.sees_anything(pose)
 
     def _finish(self, num_points: int) -> None:
         """Record the run as complete, with what was seen."""
@@ -315,12 +330,12 @@ def _hash(*parts: bytes | memoryview) -> str:
     return digest.hexdigest()
 
 
-def _read_own_positions(folder: Path, poses: str) -> NDArray[np.float64] | None:
-    """Read the places from poses.csv if it has this hash; None asks for it to be planned anew."""
+def _read_own_poses(folder: Path, poses: str) -> NDArray[np.float64] | None:
+    """Read the poses from poses.csv if it has this hash; None asks for it to be planned anew."""
     path = folder / "poses.csv"
     if not path.is_file() or _hash(path.read_bytes()) != poses:
         return None
-    return read_poses(path).poses[:, :3, 3]
+    return read_poses(path).poses
 
 
 def _check_folder(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
@@ -121,21 +122,19 @@ def poses_table(poses: NDArray[np.float64]) -> str:
     """Write the text of ``poses.csv``.
 
     Args:
-        poses: (S, 4, 4) float64, metres, turned about z only; their scans are called by number.
+        poses: (S, 4, 4) float64, metres; their scans are called by number.
     """
-    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
     rows = [POSE_COLUMNS]
-    for number, (pose, angle) in enumerate(zip(poses, yaw.tolist(), strict=True)):
+    for number, pose in enumerate(poses):
         x, y, z = (f"{value:.{_DECIMALS}f}" for value in pose[:3, 3].tolist())
-        turn = f"0,0,{np.sin(angle / 2):.9f},{np.cos(angle / 2):.9f}"
-        rows.append(f"{scan_name(number)},{x},{y},{z},{turn}")
+        rows.append(f"{scan_name(number)},{x},{y},{z},{_quaternion(pose)}")
     return "\n".join(rows) + "\n"
 
 
-def rounded_places(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (S, 3) float64 places of poses as ``poses_table`` writes them, to the micrometre.
-
-    Whether a run is continued or not, its scans are taken from the same places.
-    """
-    places = [[round(value, _DECIMALS) for value in place] for place in poses[:, :3, 3].tolist()]
-    return np.array(places, np.float64).reshape(-1, 3)
+def _quaternion(pose: NDArray[np.float64]) -> str:
+    """Write the columns ``qx,qy,qz,qw`` of a pose."""
+    if pose[2, 2] == 1.0:  # turned about z only
+        half = np.arctan2(pose[1, 0], pose[0, 0]) / 2
+        return f"0,0,{np.sin(half):.9f},{np.cos(half):.9f}"
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
+    return ",".join(f"{value:.9f}" for value in quaternion.tolist())

@@ -22,6 +22,7 @@ _CAMERA = 3.5  # metres: beyond that, depth is too coarse to tell things apart
 _LONG = 5.0  # metres: as far as networks learn to see
 _LONG_REACH = 8.0  # metres, horizontally, that a tenth of a long lidar's points lie beyond
 _FIELD_OF_VIEW = 120.0  # degrees across that a camera's points lie within
+_RINGS = 60.0  # degrees from the lowest to the highest rays of a lidar of rings
 _STRAYS = 0.01  # share of points that may lie anywhere
 
 
@@ -44,6 +45,8 @@ def guess_range(scans: Iterable[Scan]) -> tuple[float, str]:
         return _LONG, "a long lidar, by its reach"
     if np.median([_field_of_view(xyz) for xyz in seen]) < _FIELD_OF_VIEW:
         return _CAMERA, "a depth camera, by its field of view"
+    if np.median([_elevations(xyz) for xyz in seen]) < _RINGS:
+        return _LONG, "a lidar of rings, by its narrow band of elevations"
     return _IN_ROOMS, "a scanner that sees all around, in rooms"
 
 
@@ -78,6 +81,16 @@ def kept_range(output: Path) -> float | None:
     with State(path) as state:
         value = (state.configuration() or {}).get("local_range")
     return float(value) if isinstance(value, int | float) else None
+
+
+def _elevations(xyz: NDArray[np.float32]) -> float:
+    """Give the degrees of elevation that nearly all points lie in, as seen from the origin."""
+    away = xyz[xyz.any(axis=1)]
+    if len(away) == 0:
+        return 180.0
+    elevation = np.arctan2(away[:, 2], np.hypot(away[:, 0], away[:, 1]))
+    lowest, highest = np.quantile(elevation, [_STRAYS / 2, 1 - _STRAYS / 2])
+    return float(np.degrees(highest - lowest))
 
 
 def _field_of_view(xyz: NDArray[np.float32]) -> float:

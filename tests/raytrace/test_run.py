@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.config import RaytraceSettings
@@ -12,7 +13,7 @@ from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.raytrace.drive import Waypoints
 from mcpseg_cli.raytrace.record import BegunRecord, FinishedRecord, read_record, record_text
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
-from mcpseg_cli.raytrace.scanner import poses_table, rounded_places
+from mcpseg_cli.raytrace.scanner import poses_table
 from tests.worlds import three_rooms
 
 SETTINGS = RaytraceSettings(step=1.0, horizontal_deg=6.0, vertical_deg=6.0)
@@ -60,16 +61,17 @@ def test_a_continued_run_scans_from_the_very_places_of_the_first(building, tmp_p
     first = run_in(tmp_path / "out", building)
     first.plan()
     again = run_in(tmp_path / "out", building)
-    np.testing.assert_array_equal(again.positions, first.positions)
+    np.testing.assert_array_equal(again.poses, first.poses)
 
 
-def test_places_are_rounded_as_their_table_is(tmp_path):
+def test_poses_are_read_back_as_they_were_written(tmp_path):
     rng = np.random.default_rng(0)
     poses = np.tile(np.eye(4), (500, 1, 1))
-    poses[:, :3, 3] = rng.normal(0, 10.0 ** rng.integers(-7, 5, (500, 1)), (500, 3))
+    poses[:, :3, :3] = Rotation.random(500, random_state=0).as_matrix()
+    poses[:250, :3, :3] = Rotation.from_euler("z", rng.uniform(-4, 4, (250, 1))).as_matrix()
+    poses[:, :3, 3] = rng.normal(0, 100, (500, 3))
     (tmp_path / "poses.csv").write_text(poses_table(poses))
-    read = read_poses(tmp_path / "poses.csv").poses[:, :3, 3]
-    np.testing.assert_array_equal(rounded_places(poses), read)
+    np.testing.assert_allclose(read_poses(tmp_path / "poses.csv").poses, poses, atol=1e-6)
 
 
 def test_records_are_read_back_as_they_were_written(building, tmp_path):

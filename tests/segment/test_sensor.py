@@ -69,6 +69,17 @@ def test_a_long_lidar_is_known_by_its_reach_whatever_its_field_of_view(first_deg
     assert guess_range([scan_of(xyz)]) == (5.0, "a long lidar, by its reach")
 
 
+@pytest.mark.parametrize("rings_deg", [np.linspace(-15, 15, 16), np.linspace(-25, 15, 32)])
+@pytest.mark.parametrize("half", [(2, 2.5, 1.2), (1.0, 7.0, 1.2)])
+def test_a_lidar_of_rings_is_one_in_small_rooms_too(rings_deg, half):
+    tilt, turn = np.meshgrid(np.radians(rings_deg), np.radians(np.arange(0, 360, 2)))
+    flat = np.cos(tilt)
+    rays = np.stack([flat * np.cos(turn), flat * np.sin(turn), np.sin(tilt)], -1).reshape(-1, 3)
+    rocked = Rotation.from_euler("xy", [1.5, -1.5], degrees=True)
+    expected = (5.0, "a lidar of rings, by its narrow band of elevations")
+    assert guess_range([scan_of(in_box(rays, half), rocked)]) == expected
+
+
 def test_most_scans_decide():
     rng = np.random.default_rng(5)
     room = scan_of(in_box(directions(rng, 4000), (2, 2, 1.2)))
