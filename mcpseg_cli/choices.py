@@ -53,6 +53,9 @@ ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 View = Literal["top", "cut", "perspective"]
 """Where a picture is seen from."""
 
+ModelPart = Literal["train", "kept", "all"]
+"""Which models furnish a synthetic building: those to train on, those kept from it, or all."""
+
 Scanner = Literal["paper", "authors"]
 """What the simulated scanner covers: all directions (III-A), or what the authors' does."""
 

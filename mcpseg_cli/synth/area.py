@@ -24,6 +24,7 @@ from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.rugs import lay_rugs
 from mcpseg_cli.synth.building.shell import build_shell
+from mcpseg_cli.synth.models.library import Models
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.rooms.furnish import check_contents, furnish_room
 from mcpseg_cli.synth.scanning.scanner import scan_room
@@ -56,7 +57,11 @@ class RoomCloud:
 
 
 def plan_building(
-    number: int, seed: int, num_rooms: int, style: int | Style | None = None
+    number: int,
+    seed: int,
+    num_rooms: int,
+    style: int | Style | None = None,
+    models: Models | None = None,
 ) -> tuple[Style, list[Room], list[list[int]]]:
     """Plan an area; each room can then be made by itself, in any process.
 
@@ -70,11 +75,13 @@ def plan_building(
         InputError: No floor plan with so many rooms was found, or a table of styles or rooms is
             damaged.
     """
-    check_contents()
+    check_contents(models)
     rng = np.random.default_rng([seed, number])
     drawn = style_of(style if isinstance(style, int) else number, rng)
     chosen = style if isinstance(style, Style) else drawn
     rooms = sorted(plan_area(chosen, num_rooms, rng), key=lambda room: natural_key(room.name))
+    if models is not None:
+        chosen = chosen.model_copy(update={"models": models})
     return chosen, rooms, [[seed, number, index + 1] for index in range(len(rooms))]
 
 
