@@ -92,6 +92,7 @@ def make_area(
     num_rooms: int = 16,
     spacing: float = 0.03,
     style: int | Style | None = None,
+    models: Models | None = None,
     jobs: int = 1,
 ) -> Iterator[RoomCloud]:
     """Make one floor of an office building or of homes as a labelled point cloud, room by room.
@@ -102,6 +103,7 @@ def make_area(
         num_rooms: Rooms, corridors among them; at least 2.
         spacing: There is one point in each square of this edge, metres; 0.008 at the least.
         style: Style, or number of one; that of the area's number by default.
+        models: Meshes that stand in for some of the things, from ``read_models``; None for none.
         jobs: Processes to share the rooms among; more than one need a main module that can be
             imported.
 
@@ -112,7 +114,7 @@ def make_area(
         InputError: No floor plan with so many rooms was found.
         OutputError: A worker process was killed.
     """
-    chosen, rooms, seeds = plan_building(number, seed, num_rooms, style)
+    chosen, rooms, seeds = plan_building(number, seed, num_rooms, style, models)
     tasks = zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False)
     yield from map_rooms(make_room, tasks, jobs)
 
@@ -218,11 +220,21 @@ def make_building(
     num_rooms: int = 16,
     spacing: float = 0.03,
     style: int | Style | None = None,
+    models: Models | None = None,
     jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
-    made = make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs)
-    rooms = list(made)
+    rooms = list(
+        make_area(
+            number,
+            seed,
+            num_rooms=num_rooms,
+            spacing=spacing,
+            style=style,
+            models=models,
+            jobs=jobs,
+        )
+    )
     sizes = [[len(points) for points in room.xyz] for room in rooms]
     flat = [size for room in sizes for size in room]
 

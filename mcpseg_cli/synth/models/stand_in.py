@@ -178,9 +178,9 @@ def _look(
         shade = np.clip(np.array(new.base) / np.maximum(piece.colour, 12.0), 0.15, 4.0)
 
     base, tint = _triple(np.clip(piece.colour * shade, 4, 250)), _triple(shade)
-    pattern, dirty = ("concrete", 0.5) if is_worn else ("plain", 0.75)
-    accent = _triple(np.array(base) * dirty)
-    return Material(pattern, base, accent, 20.0 if is_worn else 0.1, seed), tint
+    if is_worn:  # stained
+        return Material("print", base, _triple(np.array(base) * 0.7), 0.4, seed), tint
+    return Material("plain", base, _triple(np.array(base) * 0.75), 0.1, seed), tint
 
 
 def _triple(values: np.ndarray) -> Colour:

@@ -63,8 +63,8 @@ class Samples:
 
     def chosen(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
         """Return some of the points."""
-        columns = (self.xyz, self.normals, self.part, self.rank, self.face)
-        return Samples(*(column[which] for column in columns))
+        xyz, normals, part = self.xyz[which], self.normals[which], self.part[which]
+        return Samples(xyz, normals, part, self.rank[which], self.face[which])
 
 
 def mesh_of(items: list[Item]) -> Mesh:

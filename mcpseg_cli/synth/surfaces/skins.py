@@ -35,8 +35,9 @@ class Skin:
         height, width = self.image.shape[:2]
         column = (np.floor(place[:, 0] * width).astype(np.int64)) % width
         row = (np.floor((1 - place[:, 1]) * height).astype(np.int64)) % height
-        shown = self.image[row, column].astype(np.float32) * np.float32(self.tint)
-        return np.clip(shown, 0, 255, out=shown)
+        shown = self.image[row, column].astype(np.float32) * np.array(self.tint, np.float32)
+        colours: Floats = np.clip(shown, 0, 255)
+        return colours
 
 
 def barycentric(xyz: Floats, triangles: NDArray[np.float64]) -> Floats:
@@ -48,5 +49,5 @@ def barycentric(xyz: Floats, triangles: NDArray[np.float64]) -> Floats:
     e = (step * second).sum(axis=1)
     scale = np.maximum(a * c - b * b, 1e-18)
     v, w = (c * d - b * e) / scale, (a * e - b * d) / scale
-    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
-    return weights.astype(np.float32)
+    weights: Floats = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1).astype(np.float32)
+    return weights
