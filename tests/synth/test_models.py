@@ -202,7 +202,7 @@ def test_a_building_with_models_is_another_and_the_same_again(folder):
 )
 def test_a_damaged_row_is_named(tmp_path, changed, told):
     write_obj(tmp_path / "unit.obj", [((0, 0, 0), (1, 1, 1), (0.9, 0.9, 0.9))])
-    write_table(tmp_path, [row("unit.obj", "chair", "", (1, 1, 1), **changed)])
+    write_table(tmp_path, [row("unit.obj", "chair", "", (1, 1, 1)) | changed])
     with pytest.raises(InputError, match=told):
         read_models(tmp_path)
 
