@@ -56,6 +56,9 @@ ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 View = Literal["top", "cut", "perspective"]
 """Where a picture is seen from."""
 
+ModelPart = Literal["train", "kept", "all"]
+"""Which models furnish a synthetic building: those to train on, those kept from it, or all."""
+
 Sensor = Literal["sphere", "depth-camera", "lidar-16", "lidar-32"]
 """What a virtual robot looks with: rays in all directions (III-A), a hand-held depth camera, or a
 lidar of 16 or 32 rings.

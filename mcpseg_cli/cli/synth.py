@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mcpseg_cli.choices import ModelPart
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 
 _S3DIS_POINTS = {
@@ -52,6 +53,20 @@ def synth(
             help="The style of Area_N: 1-6, 16 offices, 7, 17, 27 homes; default: of this area.",
         ),
     ] = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Furnish with meshes, too; models/fetch_furniture.py gets some."
+        ),
+    ] = None,
+    models_part: Annotated[
+        ModelPart,
+        typer.Option(help="Which of them: those to train on, those kept from training, or all."),
+    ] = "train",
+    models_share: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, metavar="SHARE", help="How many of the things are meshes."),
+    ] = 0.5,
     jobs: Jobs = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -69,25 +84,35 @@ def synth(
       mcpseg synth b/Area_1 --seed 1
       mcpseg synth b/Area_2 --seed 1 --rooms 40 --spacing 0.02
       mcpseg synth b/Area_7 --seed 1
+      mcpseg synth b/Area_8 --seed 1 --models furniture/
       mcpseg raytrace b/Area_1 -o b/scans_1
     """
     import json
 
     from mcpseg_cli.cli.display import print_table, progress_bar
     from mcpseg_cli.resumable import exclusive
+    from mcpseg_cli.synth.models.library import read_models
     from mcpseg_cli.synth.run import SynthRequest, write_area
 
     started = perf_counter()
     number = _number_of(area)
+    meshes = None if models is None else read_models(models, models_part, models_share)
     request = SynthRequest(
-        number=number, seed=seed, num_rooms=rooms, spacing=spacing, style=style or number
+        number=number,
+        seed=seed,
+        num_rooms=rooms,
+        spacing=spacing,
+        style=style or number,
+        models=None if meshes is None else meshes.digest,
     )
 
     # room by room, counted by class
     points = dict.fromkeys(_S3DIS_POINTS, 0)
     objects = dict.fromkeys(_S3DIS_POINTS, 0)
     with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
-        total, written = write_area(area, request, number_of_jobs(jobs), overwrite=overwrite)
+        total, written = write_area(
+            area, request, number_of_jobs(jobs), models=meshes, overwrite=overwrite
+        )
         task = bar.add_task("", total=total, state="")
         for room in written:
             for name in room.points:

@@ -24,6 +24,7 @@ from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.synth.building.layout import plan_area
 from mcpseg_cli.synth.building.rugs import lay_rugs
 from mcpseg_cli.synth.building.shell import build_shell
+from mcpseg_cli.synth.models.library import Models
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.rooms.furnish import check_contents, furnish_room
 from mcpseg_cli.synth.scanning.scanner import scan_room
@@ -56,7 +57,11 @@ class RoomCloud:
 
 
 def plan_building(
-    number: int, seed: int, num_rooms: int, style: int | Style | None = None
+    number: int,
+    seed: int,
+    num_rooms: int,
+    style: int | Style | None = None,
+    models: Models | None = None,
 ) -> tuple[Style, list[Room], list[list[int]]]:
     """Plan an area; each room can then be made by itself, in any process.
 
@@ -70,11 +75,13 @@ def plan_building(
         InputError: No floor plan with so many rooms was found, or a table of styles or rooms is
             damaged.
     """
-    check_contents()
+    check_contents(models)
     rng = np.random.default_rng([seed, number])
     drawn = style_of(style if isinstance(style, int) else number, rng)
     chosen = style if isinstance(style, Style) else drawn
     rooms = sorted(plan_area(chosen, num_rooms, rng), key=lambda room: natural_key(room.name))
+    if models is not None:
+        chosen = chosen.model_copy(update={"models": models})
     return chosen, rooms, [[seed, number, index + 1] for index in range(len(rooms))]
 
 
@@ -85,6 +92,7 @@ def make_area(
     num_rooms: int = 16,
     spacing: float = 0.03,
     style: int | Style | None = None,
+    models: Models | None = None,
     jobs: int = 1,
 ) -> Iterator[RoomCloud]:
     """Make one floor of an office building or of homes as a labelled point cloud, room by room.
@@ -95,6 +103,7 @@ def make_area(
         num_rooms: Rooms, corridors among them; at least 2.
         spacing: There is one point in each square of this edge, metres; 0.008 at the least.
         style: Style, or number of one; that of the area's number by default.
+        models: Meshes that stand in for some of the things, from ``read_models``; None for none.
         jobs: Processes to share the rooms among; more than one need a main module that can be
             imported.
 
@@ -105,7 +114,7 @@ def make_area(
         InputError: No floor plan with so many rooms was found.
         OutputError: A worker process was killed.
     """
-    chosen, rooms, seeds = plan_building(number, seed, num_rooms, style)
+    chosen, rooms, seeds = plan_building(number, seed, num_rooms, style, models)
     tasks = zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False)
     yield from map_rooms(make_room, tasks, jobs)
 
@@ -213,11 +222,21 @@ def make_building(
     num_rooms: int = 16,
     spacing: float = 0.03,
     style: int | Style | None = None,
+    models: Models | None = None,
     jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
-    made = make_area(number, seed, num_rooms=num_rooms, spacing=spacing, style=style, jobs=jobs)
-    rooms = list(made)
+    rooms = list(
+        make_area(
+            number,
+            seed,
+            num_rooms=num_rooms,
+            spacing=spacing,
+            style=style,
+            models=models,
+            jobs=jobs,
+        )
+    )
     sizes = [[len(points) for points in room.xyz] for room in rooms]
     flat = [size for room in sizes for size in room]
 

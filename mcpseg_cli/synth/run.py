@@ -15,6 +15,7 @@ from mcpseg_cli.formats.s3dis import write_room
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS
 from mcpseg_cli.resumable import check_same, partial_folder, write_whole
 from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
+from mcpseg_cli.synth.models.library import Models
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
 
@@ -22,7 +23,11 @@ _VERSIONS = {False: 1, True: 2}
 """Of the generator, for styles without and with fitted cabinets; raise one when the same seed comes
 to give another building."""
 RECORD = "synth.json"
-_NAMES = {"version": "version of the generator", "number": "number of the area"}
+_NAMES = {
+    "version": "version of the generator",
+    "number": "number of the area",
+    "models": "hash of the models",
+}
 
 RoomName = Annotated[str, Field(pattern=r"^[A-Za-z]+_\d+$")]
 """``office_3`` and the like: no path that leads out of the area."""
@@ -38,6 +43,7 @@ class SynthRequest(BaseModel):
         num_rooms: Rooms, corridors among them.
         spacing: There is one point in each square of this edge, metres.
         style: Number of the style.
+        models: Hash of the table of models in use; None for none.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -47,6 +53,7 @@ class SynthRequest(BaseModel):
     num_rooms: int
     spacing: float
     style: int
+    models: str | None = None
 
 
 class RoomCounts(BaseModel):
@@ -91,7 +98,12 @@ class _Record(BaseModel):
 
 
 def write_area(
-    folder: Path, request: SynthRequest, jobs: int, *, overwrite: bool = False
+    folder: Path,
+    request: SynthRequest,
+    jobs: int,
+    *,
+    models: Models | None = None,
+    overwrite: bool = False,
 ) -> tuple[int, Iterator[RoomCounts]]:
     """Build an area and write it room by room; rooms that an interrupted call wrote are kept.
 
@@ -100,6 +112,7 @@ def write_area(
             ``synth.json``. The caller holds it against other processes (``resumable.exclusive``).
         request: What to build.
         jobs: Processes that build rooms at once; the result does not depend on it.
+        models: Meshes that furnish it; ``request.models`` is their ``digest``.
         overwrite: Delete an area that was made before; other files in the folder stay.
 
     Returns:
@@ -113,7 +126,7 @@ def write_area(
         OSError: The disk is full or the folder not writable; finished rooms are kept.
     """
     number, seed = request.number, request.seed
-    style, rooms, seeds = plan_building(number, seed, request.num_rooms, request.style)
+    style, rooms, seeds = plan_building(number, seed, request.num_rooms, request.style, models)
     planned = [room.name for room in rooms]
     version = _VERSIONS[style.cabinets > 0]
     record = _Record(version=version, request=request, style_name=style.name, planned=planned)

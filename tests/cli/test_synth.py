@@ -13,6 +13,7 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.formats.s3dis import read_area
 from mcpseg_cli.resumable import exclusive
 from tests.commands import command, invoke, run_to_its_end, start, wait_until
+from tests.synth.models import write_models
 
 REPOSITORY = Path(__file__).parents[2]
 SMALL = ("--rooms", "3", "--spacing", "0.08", "--seed", "5", "-q")
@@ -204,3 +205,22 @@ def test_rooms_are_drawn_from_inside_and_above(area, tmp_path):
     subprocess.run([*script, "-o", tmp_path], check=True, capture_output=True)
     for name in (room, "above"):
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_models_furnish_the_rooms_and_another_share_is_refused(tmp_path):
+    folder, area = write_models(tmp_path / "furniture"), tmp_path / "Area_1"
+    options = (*SMALL, "--jobs", "1", "--models", folder)
+    assert invoke("synth", area, *options).exit_code == 0
+    before = texts_of(area)
+    assert invoke("synth", area, *options).exit_code == 0
+    assert texts_of(area) == before
+
+    refused = invoke("synth", area, *options, "--models-share", "1")
+    assert refused.exit_code == 1
+    assert "hash of the models" in refused.stderr
+
+
+def test_a_folder_without_a_table_of_models_is_named(tmp_path):
+    result = invoke("synth", tmp_path / "Area_1", *SMALL, "--models", tmp_path)
+    assert result.exit_code == 1
+    assert "models.csv: cannot be read; expected the table of the models" in result.stderr

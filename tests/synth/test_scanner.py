@@ -262,5 +262,6 @@ def test_choosing_samples_keeps_their_order():
         np.zeros((3, 3), np.float32),
         np.arange(3, dtype=np.int32),
         np.zeros(3, np.float32),
+        np.arange(3, dtype=np.int32),
     )
     assert samples.chosen(np.array([True, False, True])).part.tolist() == [0, 2]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.synth.building.walls import leaf_line, on_wall, wall_of
 from mcpseg_cli.synth.geometry.solids import Item, Part, box, part_of, quad, tube
+from mcpseg_cli.synth.models.built_in import door_model
 from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import (
@@ -40,7 +41,12 @@ def build_doors(room: Room, style: Style, rng: np.random.Generator) -> list[Item
     face, trim = _materials(kind, style, rng)
     doors = []
     for opening in room.openings:
-        if opening.kind == "door":
+        if opening.kind != "door":
+            continue
+        model = door_model(room, opening, style, rng)
+        if model is not None:
+            doors.append(model)
+        else:
             frame = _frame(room, opening, trim)
             doors.append(Item("door", (*frame, *_leaves(room, opening, kind, face, style, rng))))
     return doors

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mcpseg_cli.synth.geometry.solids import Item, Part, box, circle, part_of, prism, tube
+from mcpseg_cli.synth.models.built_in import radiator_model
 from mcpseg_cli.synth.plan import Fixture, Room
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_colour, pick_metal, pick_wood
@@ -60,7 +61,8 @@ def build_fixtures(
         elif fixture.kind == "shaft":
             items.append(Item("wall", (part_of(box(low, high), plain),)))
         elif fixture.kind == "radiator":
-            items.append(_radiator(fixture, rng))
+            model = radiator_model(room, fixture, style, rng)
+            items.append(model or _radiator(fixture, rng))
         else:
             items.append(_duct(room, fixture, style, rng))
     return items

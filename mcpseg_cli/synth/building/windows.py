@@ -9,6 +9,7 @@ import numpy as np
 
 from mcpseg_cli.synth.building.walls import on_wall
 from mcpseg_cli.synth.geometry.solids import Item, box, part_of, quad, surface
+from mcpseg_cli.synth.models.built_in import window_model
 from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Shade, Style, paint, pick_colour
@@ -40,11 +41,14 @@ def build_windows(
     cloth = paint(dyed, rng, "weave" if shade == "curtain" else "plain")
     glass = _glass(daylight, rng)
 
+    seed = 0 if style.models is None else int(rng.integers(1 << 30))
+
     items = []
     for opening in room.openings:
         if opening.kind != "window":
             continue
-        items.append(_window(room, opening, trim, glass, rng))
+        model = window_model(room, opening, glass, style, seed)
+        items.append(model or _window(room, opening, trim, glass, rng))
         if shade != "none" and opening.glazing != "interior":
             items.append(_shade(room, opening, shade, cloth, rng))
     return items

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.synth.surfaces.materials import Material
+from mcpseg_cli.synth.surfaces.skins import Skin
 
 Triangles = NDArray[np.float64]
 """(F, 3, 3) corners of triangles, metres."""
@@ -26,6 +27,8 @@ class Part:
         high: (3,) highest corner.
         origin: (3,) where its own frame lies, metres.
         yaw: How its own frame is turned about z, radians.
+        skin: A picture on its triangles, whose colours the material's pattern then varies; None for
+            the material's own colours.
     """
 
     triangles: Triangles
@@ -34,6 +37,7 @@ class Part:
     high: NDArray[np.float64]
     origin: NDArray[np.float64]
     yaw: float = 0.0
+    skin: Skin | None = None
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Part:
         """Return the part turned about the z axis of the frame it stands in, then shifted."""

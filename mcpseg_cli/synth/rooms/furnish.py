@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mcpseg_cli.errors import InputError
 from mcpseg_cli.synth.geometry.solids import Item
+from mcpseg_cli.synth.models.library import TABLE, Models
 from mcpseg_cli.synth.plan import Room, RoomKind
 from mcpseg_cli.synth.rooms import (
     kitchens,
@@ -20,6 +22,11 @@ from mcpseg_cli.synth.rooms.fitted import fit_walls
 from mcpseg_cli.synth.rooms.placement import Placement
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style
+from mcpseg_cli.synth.things.boards import BOARD_KINDS
+from mcpseg_cli.synth.things.bookcases import BOOKCASE_KINDS
+from mcpseg_cli.synth.things.chairs import CHAIR_DESIGNS
+from mcpseg_cli.synth.things.clutter import CLUTTER_KINDS
+from mcpseg_cli.synth.things.tables import TABLE_DESIGNS
 
 _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "hallway": public_rooms.furnish_hallway,
@@ -40,15 +47,42 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "bathroom": private_rooms.furnish_bathroom,
 }
 
+KINDS: dict[str, tuple[str, ...]] = {
+    "chair": tuple(CHAIR_DESIGNS),
+    "table": (*TABLE_DESIGNS, "meeting"),
+    "sofa": ("sofa", "corner sofa"),
+    "bookcase": tuple(BOOKCASE_KINDS),
+    "board": tuple(BOARD_KINDS),
+    "door": ("door",),
+    "window": ("window",),
+    "clutter": (*CLUTTER_KINDS, "radiator"),
+}
+"""What models may stand for, by class."""
 
-def check_contents() -> None:
+
+def check_contents(models: Models | None = None) -> None:
     """Read what rooms hold, so that a damaged table is named before any work starts.
+
+    Args:
+        models: Models that stand for things; those have to be known.
 
     Raises:
         InputError: A table is damaged.
     """
     for read in (shared.shared, work.work_rooms, public.public_rooms, homes.homes):
         read()
+    if models is not None:
+        _check_kinds(models)
+
+
+def _check_kinds(models: Models) -> None:
+    """Refuse models that stand for what there is not."""
+    for model in models.models:
+        known = KINDS[model.class_name]
+        for kind in set(model.stands_for) - set(known):
+            found = f"{model.model}: stands for {kind!r}"
+            expected = f"one of {', '.join(sorted(known))}"
+            raise InputError(models.folder / TABLE, found, expected, "mend the row")
 
 
 def furnish_room(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.synth.geometry.solids import Item, Part, area_of
 from mcpseg_cli.synth.surfaces.noise import Floats
+from mcpseg_cli.synth.surfaces.skins import barycentric
 from mcpseg_cli.synth.surfaces.textures import PATTERNS, Surface, paint_surface
 
 _STEPS = (0.7548776662466927, 0.5698402909980532, 0.7320508075688772)
@@ -24,6 +25,7 @@ class Mesh:
         triangles: (F, 3, 3) float64, metres, map frame.
         normals: (F, 3) float64 unit vectors.
         part: (F,) int32 part of each triangle.
+        own: (F,) int32 number of each triangle in its part.
         item: (P,) int32 object of each part.
         parts: The parts.
         is_closed: (P,) whether a part is a solid whose inside cannot be seen.
@@ -33,6 +35,7 @@ class Mesh:
     triangles: NDArray[np.float64]
     normals: NDArray[np.float64]
     part: NDArray[np.int32]
+    own: NDArray[np.int32]
     item: NDArray[np.int32]
     parts: tuple[Part, ...]
     is_closed: NDArray[np.bool_]
@@ -49,16 +52,19 @@ class Samples:
         part: (N,) int32 part of the mesh.
         rank: (N,) float32, 0-1; those below any share of 1 are that share of the points, evenly
             spread.
+        face: (N,) int32 triangle of the mesh.
     """
 
     xyz: Floats
     normals: Floats
     part: NDArray[np.int32]
     rank: Floats
+    face: NDArray[np.int32]
 
     def chosen(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
         """Return some of the points."""
-        return Samples(self.xyz[which], self.normals[which], self.part[which], self.rank[which])
+        xyz, normals, part = self.xyz[which], self.normals[which], self.part[which]
+        return Samples(xyz, normals, part, self.rank[which], self.face[which])
 
 
 def mesh_of(items: list[Item]) -> Mesh:
@@ -68,6 +74,7 @@ def mesh_of(items: list[Item]) -> Mesh:
     triangles = np.concatenate([part.triangles for part in parts])
     sizes = [len(entry.triangles) for entry in parts]
     part = np.repeat(np.arange(len(parts), dtype=np.int32), sizes)
+    own = np.concatenate([np.arange(size, dtype=np.int32) for size in sizes])
 
     # normals as long as the area
     sides = triangles[:, 1:] - triangles[:, :1]
@@ -80,7 +87,8 @@ def mesh_of(items: list[Item]) -> Mesh:
     total = np.stack([np.bincount(part, areas[:, axis], len(parts)) for axis in range(3)], axis=1)
     is_closed = np.linalg.norm(total, axis=1) < 0.02 * np.bincount(part, size, len(parts))
     is_glass = np.array([entry.material.pattern == "glass" for entry in parts])
-    return Mesh(triangles[keep], normals, part[keep], item, parts, is_closed, is_glass)
+    kept = (triangles[keep], normals, part[keep], own[keep])
+    return Mesh(*kept, item, parts, is_closed, is_glass)
 
 
 def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples:
@@ -114,7 +122,8 @@ def sample_mesh(mesh: Mesh, spacing: float, rng: np.random.Generator) -> Samples
     sides = (mesh.triangles[:, 1:] - mesh.triangles[:, :1]).astype(np.float32)
     along, up = first.astype(np.float32)[:, None], second.astype(np.float32)[:, None]
     xyz = corners[face] + along * sides[face, 0] + up * sides[face, 1]
-    return Samples(xyz, mesh.normals.astype(np.float32)[face], mesh.part[face], rank)
+    normals = mesh.normals.astype(np.float32)[face]
+    return Samples(xyz, normals, mesh.part[face], rank, face.astype(np.int32))
 
 
 def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Floats:
@@ -129,8 +138,9 @@ def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Flo
         (N, 3) float32 colours, 0-255.
     """
     materials = [part.material for part in mesh.parts]
-    base = np.array([material.base for material in materials], np.float32)
-    accent = np.array([material.accent for material in materials], np.float32)
+    base = np.array([material.base for material in materials], np.float32)[samples.part]
+    accent = np.array([material.accent for material in materials], np.float32)[samples.part]
+    _lay_skins(mesh, samples, base, accent)
     scale = np.array([material.scale for material in materials], np.float32)
     seed = np.array([(m.seed * 31 + k) & 0xFFFFFFFF for k, m in enumerate(materials)], np.uint32)
 
@@ -151,10 +161,33 @@ def paint_samples(mesh: Mesh, samples: Samples, rng: np.random.Generator) -> Flo
         if len(rows):
             p, spots, faces = samples.part[rows], xyz[rows], normals[rows]
             surface = Surface(
-                spots, faces, base[p], accent[p], scale[p], seed[p], grain[p], middle[p]
+                spots, faces, base[rows], accent[rows], scale[p], seed[p], grain[p], middle[p]
             )
             colour[rows] = paint_surface(name, surface, rng)
     return colour
+
+
+def _lay_skins(mesh: Mesh, samples: Samples, base: Floats, accent: Floats) -> None:
+    """Fill in the colours, (N, 3), of points on parts that have a skin."""
+    has_skin = np.array([part.skin is not None for part in mesh.parts])
+    rows = np.flatnonzero(has_skin[samples.part])
+    if not len(rows):
+        return
+    face = samples.face[rows]
+    weights = barycentric(samples.xyz[rows], mesh.triangles[face])
+
+    # part by part; the second colour is as much darker as that of the material
+    rows = rows[order := np.argsort(samples.part[rows], kind="stable")]
+    face, weights = face[order], weights[order]
+    parts, starts = np.unique(samples.part[rows], return_index=True)
+    for number, span in zip(
+        parts.tolist(), np.split(np.arange(len(rows)), starts[1:]), strict=True
+    ):
+        part = mesh.parts[number]
+        assert part.skin is not None
+        shown = part.skin.colours(mesh.own[face[span]], weights[span])
+        darker = sum(part.material.accent) / max(sum(part.material.base), 1.0)
+        base[rows[span]], accent[rows[span]] = shown, shown * np.float32(darker)
 
 
 def _turned_back(vectors: Floats, cosine: Floats, sine: Floats) -> Floats:

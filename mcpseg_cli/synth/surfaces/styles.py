@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from mcpseg_cli.synth.models.library import Models
 from mcpseg_cli.synth.plan import CeilingKind, RoomKind
 from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
 from mcpseg_cli.synth.toml_tables import Metres, OneOrMore, Range, Record, Share, Weight
@@ -81,6 +82,7 @@ class Style(Record):
         kinds: How often each kind of room occurs.
         hall_seed: What the floor, walls and ceiling that all corridors share are drawn from; drawn
             with the building, in no file.
+        models: Meshes that stand in for some of the things; None for none. In no file.
     """
 
     name: str
@@ -127,6 +129,7 @@ class Style(Record):
     white_balance: Range[Share]
     kinds: Annotated[dict[RoomKind, Weight], Field(min_length=1)]
     hall_seed: int = 0
+    models: Models | None = None
 
 
 def pick_colour(

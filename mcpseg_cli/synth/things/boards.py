@@ -8,6 +8,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import boxes, pipe, rod, solid, stand
 from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_metal, pick_wood
 
@@ -26,7 +27,8 @@ def make_board(kind: str, style: Style, rng: np.random.Generator) -> Item:
     Raises:
         KeyError: There is no such kind.
     """
-    return stand("board", BOARD_KINDS[kind](style, rng))
+    model = stand_in("board", kind, style, rng)
+    return model or stand("board", BOARD_KINDS[kind](style, rng))
 
 
 def _panel(face: Material, rim: Material, size: tuple[float, float], thick: float) -> list[Part]:

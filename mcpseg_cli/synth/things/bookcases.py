@@ -9,6 +9,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import Points, boxes, solid
 from mcpseg_cli.synth.geometry.solids import Item, Part
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_metal, pick_plastic, pick_wood
 from mcpseg_cli.synth.things.books import book_row, book_stack, leaning_books
@@ -35,6 +36,9 @@ def make_bookcase(
         KeyError: There is no such kind.
     """
     shape = rng if form is None else np.random.default_rng(form)
+    model = stand_in("bookcase", kind, style, shape)
+    if model is not None:
+        return [model]
     parts, loose = BOOKCASE_KINDS[kind](style, shape, rng)
 
     # the lowest and rearmost point goes to the origin

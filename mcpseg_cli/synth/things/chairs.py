@@ -17,6 +17,7 @@ from mcpseg_cli.synth.geometry.shapes import (
     stand,
 )
 from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import (
     Style,
@@ -55,7 +56,8 @@ def make_chair(design: str, style: Style, rng: np.random.Generator) -> Item:
     Raises:
         KeyError: There is no such design.
     """
-    return stand("chair", CHAIR_DESIGNS[design](style, rng))
+    model = stand_in("chair", design, style, rng)
+    return model or stand("chair", CHAIR_DESIGNS[design](style, rng))
 
 
 def _task(style: Style, rng: np.random.Generator) -> list[Part]:

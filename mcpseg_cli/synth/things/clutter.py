@@ -8,6 +8,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import stand
 from mcpseg_cli.synth.geometry.solids import Item, Part
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.styles import Style
 from mcpseg_cli.synth.things import beds, plants
 from mcpseg_cli.synth.things import boxes_and_bags as loose
@@ -38,7 +39,8 @@ def make_clutter(kind: str, style: Style, rng: np.random.Generator) -> Item:
     Raises:
         KeyError: There is no such kind.
     """
-    return stand("clutter", CLUTTER_KINDS[kind](style, rng))
+    model = stand_in("clutter", kind, style, rng)
+    return model or stand("clutter", CLUTTER_KINDS[kind](style, rng))
 
 
 SMALL_THINGS: dict[str, Maker] = {

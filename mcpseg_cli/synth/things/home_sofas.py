@@ -10,6 +10,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import boxes, cushion, shell, slanted, solid, stand
 from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.materials import Colour, Material, Pattern
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_fabric, pick_metal, pick_wood
 
@@ -73,6 +74,11 @@ def make_home_sofa(
     Returns:
         The sofa, of class sofa like the pillows and blankets on it; it stands on z = 0.
     """
+    kind = "corner sofa" if corner else "sofa"
+    model = stand_in("sofa", kind, style, rng, 0.66 * seats + 0.4 + 0.6 * abs(corner))
+    if model is not None:
+        return HomeSofa(model, 0.0, float(model.bounds()[1, 1]))
+
     build = _draw_build(style, rng)
     width = seats * build.place + 2 * build.arm
     parts = _run(build, width, (corner >= 0, corner <= 0), rng)

@@ -6,6 +6,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import bend, boxes, cushion, lathe, pipe, rod, solid
 from mcpseg_cli.synth.geometry.solids import Part, shifted, tilted
+from mcpseg_cli.synth.models.stand_in import row_of
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_plastic, pick_table_top, pick_wood
 from mcpseg_cli.synth.things.boxes_and_bags import bright
 from mcpseg_cli.synth.things.desk_things import dark_or_light
@@ -18,6 +19,8 @@ def counter(style: Style, rng: np.random.Generator) -> list[Part]:
 
 def counter_parts(width: float, style: Style, rng: np.random.Generator) -> list[Part]:
     """Make a counter of a width."""
+    if models := row_of("clutter", "counter", style, rng, width):
+        return models
     face = pick_wood(style, rng) if rng.random() < 0.5 else pick_plastic(style, rng)
     depth, height, w = rng.uniform(0.58, 0.65), rng.uniform(0.86, 0.94), width / 2
     edges = np.linspace(-w, w, max(int(width / 0.55), 2) + 1)

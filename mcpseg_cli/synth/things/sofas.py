@@ -6,6 +6,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import Points, boxes, cushion, slanted, solid, stand
 from mcpseg_cli.synth.geometry.solids import Item, Part, shifted, tilted
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.materials import Colour, Material
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_fabric, pick_metal, pick_wood
 
@@ -24,6 +25,9 @@ def make_sofa(seats: int, style: Style, rng: np.random.Generator) -> Item:
     Returns:
         An object of class sofa that stands on z = 0.
     """
+    model = stand_in("sofa", "sofa", style, rng, 0.63 * seats + 0.3)
+    if model is not None:
+        return model
     fabric = pick_fabric(style, rng)
     if rng.random() < 0.25:
         fabric = paint(_LEATHERS[rng.integers(len(_LEATHERS))], rng, "leather", 0.05)

@@ -19,6 +19,7 @@ from mcpseg_cli.synth.geometry.shapes import (
     stand,
 )
 from mcpseg_cli.synth.geometry.solids import Item, Part, Triangles, shifted
+from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.styles import Style, paint, pick_metal, pick_plastic
 from mcpseg_cli.synth.things.table_parts import (
     drawers,
@@ -45,7 +46,8 @@ def make_table(design: str, style: Style, rng: np.random.Generator) -> Item:
     Raises:
         KeyError: There is no such design.
     """
-    return stand("table", TABLE_DESIGNS[design](style, rng))
+    model = stand_in("table", design, style, rng)
+    return model or stand("table", TABLE_DESIGNS[design](style, rng))
 
 
 def _desk(style: Style, rng: np.random.Generator) -> list[Part]:
@@ -176,6 +178,9 @@ def meeting_parts(
     length: float, depth: float, height: float, style: Style, rng: np.random.Generator
 ) -> list[Part]:
     """Make a meeting table of a size, about the origin."""
+    model = stand_in("table", "meeting", style, rng, length)
+    if model is not None:
+        return list(model.parts)
     shape = int(rng.integers(4))
     if shape == 0:
         outline = rectangle(length, depth, rng.uniform(0, 0.2))
