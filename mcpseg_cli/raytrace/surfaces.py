@@ -16,7 +16,7 @@ _BATCH = 1 << 16  # voxels whose planes are found at once
 _FEWEST = 5  # points that make a plane
 _FLATNESS = 0.1  # of the least variance to the middle one, below which points are a plane
 _STEEPEST = 0.05  # cosine between ray and normal, below which a ray runs along its surface
-_FARTHEST = 1.5  # voxels along the ray from the voxel's point to its plane
+_FARTHEST = 5.0  # voxels along the ray from the voxel's point to its plane
 
 
 @dataclass(frozen=True)
