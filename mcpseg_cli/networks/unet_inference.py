@@ -190,7 +190,7 @@ class _Product:
         weight = self._weight
         if features.dtype != weight.dtype:
             features = scratch.matrix("lowered", *features.shape, weight.dtype).copy_(features)
-        answer = scratch.matrix(name, len(features), self.width, weight.dtype)
+        answer = scratch.matrix(name, features.shape[0], self.width, weight.dtype)
         return torch.addmm(self._bias, features, weight, out=answer)
 
 
