@@ -14,7 +14,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-_MOST_ROWS = 1024  # of a tile: few enough that what is computed of them stays near the core
+_MOST_ROWS = 2048  # of a tile: few enough that what is computed of them stays near the core
 _STEP = 128  # heights are multiples of this
 _SMALL_STEP = 16  # and below it of this
 
