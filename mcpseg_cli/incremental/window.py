@@ -97,9 +97,7 @@ def _describe_surface(
 
 
 @njit(cache=True, nogil=True)
-def _add_neighbours(
-    own: NDArray[np.float64], neighbours: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def _add_neighbours(own: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float64]:
     """Sum (V, 10) moments over each voxel's neighbours, itself among them."""
     near = np.zeros(own.shape, np.float64)
     for i in range(own.shape[0]):

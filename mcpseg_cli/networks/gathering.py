@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 _NUM_NEIGHBOURS = 27
-_AT_ONCE = 4  # neighbours: one at a time takes five times as long, most of it loops that end at once
+_AT_ONCE = 4  # neighbours: one at a time takes five times as long
 
 
 class Pairs(NamedTuple):
