@@ -14,6 +14,8 @@ from mcpseg_cli.incremental.context import Colour
 
 NUM_INPUTS = 14
 _NEAR_FLOOR = (-0.3, 0.7)  # metres; skirtings, seats and table tops differ by centimetres
+_NUM_MOMENTS = 10
+_FINE = 4096.0  # parts of a voxel
 _FLAT = 1e-6  # variance, in voxels, of what is a point
 
 
@@ -53,14 +55,29 @@ def window_input(
     inputs[:, 5:8] = place
     inputs[:, 8] = 1
     inputs[:, 9] = np.log1p(looks.astype(np.float32)) / 2 - np.float32(0.5)
-    _describe_surface(_moments(place), neighbours, inputs[:, 10:])
+    _describe_surface(_moments(place, voxel), neighbours, inputs[:, 10:])
     return inputs
 
 
-def _moments(place: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Give (V, 10) float64 one, places and their products of (V, 3) points."""
-    x, y, z = place.T.astype(np.float64)
-    return np.stack([np.ones(len(x)), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
+@njit(cache=True, nogil=True)
+def _moments(place: NDArray[np.float32], voxel: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Give (V, 10) one, places and their products of (V, 3) points.
+
+    All are counted from one origin in whole fractions of a voxel: sums of them are exact, so that
+    the origin does not matter.
+    """
+    count = place.shape[0]
+    own = np.empty((count, _NUM_MOMENTS), np.float64)
+    for i in range(count):
+        x, y, z = (
+            np.rint(place[i, 0] * _FINE) + (voxel[i, 0] - voxel[0, 0]) * _FINE,
+            np.rint(place[i, 1] * _FINE) + (voxel[i, 1] - voxel[0, 1]) * _FINE,
+            np.rint(place[i, 2] * _FINE) + (voxel[i, 2] - voxel[0, 2]) * _FINE,
+        )
+        own[i, 0], own[i, 1], own[i, 2], own[i, 3] = 1, x, y, z
+        own[i, 4], own[i, 5], own[i, 6] = x * x, y * y, z * z
+        own[i, 7], own[i, 8], own[i, 9] = x * y, x * z, y * z
+    return own
 
 
 @njit(cache=True, nogil=True)
@@ -72,36 +89,42 @@ def _describe_surface(
     A point counts as often as there are ways of two steps to it: nearer ones count more. So the
     moments of the neighbours, ``own`` (V, 10), are summed, and then the sums of the neighbours.
     """
-    count = own.shape[0]
-    near = np.zeros((count, 10), np.float64)
-    for i in range(count):
-        for k in range(27):
-            if neighbours[i, k] >= 0:
-                _add_moments(own[neighbours[i, k]], k, near[i])
-
-    moments = np.empty(10, np.float64)
-    for i in range(count):
-        moments[:] = 0
-        for k in range(27):
-            if neighbours[i, k] >= 0:
-                _add_moments(near[neighbours[i, k]], k, moments)
-        _shape_of(moments, shape[i])
+    near = _add_neighbours(own, neighbours)
+    moments = _add_neighbours(near, neighbours)
+    for i in range(own.shape[0]):
+        _move_to(own[i], moments[i])
+        _shape_of(moments[i], shape[i])
 
 
 @njit(cache=True, nogil=True)
-def _add_moments(there: NDArray[np.float64], k: int, moments: NDArray[np.float64]) -> None:
-    """Add the moments of neighbour ``k``, as they are from the voxel's own centre."""
-    x, y, z = k // 9 - 1, k // 3 % 3 - 1, k % 3 - 1
-    moments[0] += there[0]
-    moments[1] += there[1] + x * there[0]
-    moments[2] += there[2] + y * there[0]
-    moments[3] += there[3] + z * there[0]
-    moments[4] += there[4] + 2 * x * there[1] + x * x * there[0]
-    moments[5] += there[5] + 2 * y * there[2] + y * y * there[0]
-    moments[6] += there[6] + 2 * z * there[3] + z * z * there[0]
-    moments[7] += there[7] + x * there[2] + y * there[1] + x * y * there[0]
-    moments[8] += there[8] + x * there[3] + z * there[1] + x * z * there[0]
-    moments[9] += there[9] + y * there[3] + z * there[2] + y * z * there[0]
+def _add_neighbours(own: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Sum (V, 10) moments over each voxel's neighbours, itself among them."""
+    near = np.zeros(own.shape, np.float64)
+    for i in range(own.shape[0]):
+        for k in range(neighbours.shape[1]):
+            j = neighbours[i, k]
+            if j >= 0:
+                for n in range(_NUM_MOMENTS):
+                    near[i, n] += own[j, n]
+    return near
+
+
+@njit(cache=True, nogil=True)
+def _move_to(point: NDArray[np.float64], moments: NDArray[np.float64]) -> None:
+    """Count moments from a point on, in voxels; all is exact until the last division."""
+    count, x, y, z = moments[0], point[1], point[2], point[3]
+    of_x, of_y, of_z = moments[1], moments[2], moments[3]
+    moments[4] += x * (x * count - 2 * of_x)
+    moments[5] += y * (y * count - 2 * of_y)
+    moments[6] += z * (z * count - 2 * of_z)
+    moments[7] += x * y * count - x * of_y - y * of_x
+    moments[8] += x * z * count - x * of_z - z * of_x
+    moments[9] += y * z * count - y * of_z - z * of_y
+    moments[1] -= x * count
+    moments[2] -= y * count
+    moments[3] -= z * count
+    for n in range(1, _NUM_MOMENTS):
+        moments[n] /= _FINE if n < 4 else _FINE * _FINE
 
 
 @njit(cache=True, nogil=True)
@@ -113,6 +136,7 @@ def _shape_of(moments: NDArray[np.float64], shape: NDArray[np.float32]) -> None:
     Eigenvalues in closed form (Smith, 1961); the normal is the longest cross product of two rows
     of the covariance less its least eigenvalue.
     """
+    # mean and covariance
     count = moments[0]
     x, y, z = moments[1] / count, moments[2] / count, moments[3] / count
     xx, yy, zz = moments[4] / count - x * x, moments[5] / count - y * y, moments[6] / count - z * z

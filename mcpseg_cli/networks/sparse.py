@@ -25,6 +25,8 @@ NUM_NEIGHBOURS = 27  # a voxel and the 26 around it
 NUM_FORWARD = 13  # neighbours of which each pair of voxels has one
 _CENTRE = 13
 NUM_CHILDREN = 8
+_NUM_COLUMNS = 5  # of voxels that hold the forward neighbours
+_COLUMN_AHEAD = (0, 1 << 21, (1 << 42) - (1 << 21), 1 << 42, (1 << 42) + (1 << 21))  # see _key
 _BIAS = 1 << 20  # voxel indices are 21-bit within a window
 _EMPTY = -1
 Result = TypeVar("Result")
@@ -129,26 +131,48 @@ def number_voxels(voxel: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[
 
 @njit(cache=True, nogil=True)
 def find_neighbours(voxel: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels, looking up each pair once."""
-    count = voxel.shape[0]
-    keys, rows = _empty_table(count)
-    for i in range(count):
-        key = _key(voxel[i, 0], voxel[i, 1], voxel[i, 2])
-        slot = _probe(keys, key)
-        keys[slot], rows[slot] = key, i
+    """Find (V, 27) int32 neighbours of (V, 3) int32 distinct voxels, each pair once.
 
+    In ascending order, x first, the voxels of a neighbouring column lie ahead, at places that only
+    move on; voxels already in that order are found fastest.
+    """
+    count = voxel.shape[0]
+    keys, order = _sort_voxels(voxel)
     table = np.full((count, NUM_NEIGHBOURS), _EMPTY, np.int32)
-    for i in range(count):
+    ahead = np.zeros(_NUM_COLUMNS, np.int64)
+    for n in range(count):
+        i = order[n]
         table[i, _CENTRE] = i
-        for k in range(NUM_FORWARD):
-            key = _key(
-                voxel[i, 0] + k // 9 - 1, voxel[i, 1] + k // 3 % 3 - 1, voxel[i, 2] + k % 3 - 1
-            )
-            slot = _probe(keys, key)
-            if keys[slot] == key:
-                table[i, k] = rows[slot]
-                table[rows[slot], NUM_NEIGHBOURS - 1 - k] = i
+        for column in range(_NUM_COLUMNS):
+            # forward columns: the voxel's own, and the four after it
+            middle = keys[n] + _COLUMN_AHEAD[column]
+            place = ahead[column]
+            while place < count and keys[place] < middle - 1:
+                place += 1
+            ahead[column] = place
+
+            while place < count and keys[place] <= middle + 1:
+                k = _CENTRE + 3 * column + keys[place] - middle
+                if k > _CENTRE:
+                    table[i, k] = order[place]
+                    table[order[place], NUM_NEIGHBOURS - 1 - k] = i
+                place += 1
     return table
+
+
+@njit(cache=True, nogil=True)
+def _sort_voxels(voxel: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give (V,) int64 keys of voxels, ascending, and the rows in that order."""
+    count = voxel.shape[0]
+    keys = np.empty(count, np.int64)
+    is_sorted = True
+    for i in range(count):
+        keys[i] = _key(voxel[i, 0], voxel[i, 1], voxel[i, 2])
+        is_sorted &= i == 0 or keys[i - 1] < keys[i]
+    if is_sorted:
+        return keys, np.arange(count)
+    order = np.argsort(keys)
+    return keys[order], order
 
 
 @njit(cache=True, nogil=True)
@@ -208,14 +232,6 @@ class DepthwiseConv(nn.Module):
             summed: Tensor = _DepthwiseOnCpu.apply(*inputs)  # type: ignore[no-untyped-call]
             return summed
         return sum_neighbours(features, level.neighbours, self.weight)
-
-    def part(self, features: Tensor, level: Level, first: int, last: int) -> Tensor:
-        """Sum over the neighbours of voxels ``first`` to ``last`` on a processor, for inference."""
-        total = torch.empty((last - first, features.shape[1]))
-        tensors = (features, level.neighbours, total)
-        known, table, answer = _arrays(*tensors)  # type: ignore[no-untyped-call]
-        _convolve(known, table, _padded(self.weight), answer, first, last)
-        return total
 
 
 def sum_neighbours(features: Tensor, neighbours: Tensor, weight: Tensor) -> Tensor:

@@ -1,34 +1,43 @@
-"""The sparse U-Net made fast for inference: norms folded away, rows shared among threads.
+"""The sparse U-Net made fast for inference: norms folded away, tiles shared among threads.
 
-Threads that meet once a layer, each with rows of its own, stand a busy machine better than
-operations that each wait for all cores. How rows are shared depends on their number only, so that
-one thread and many give the same answer, bit for bit.
+On a processor the network is run tile by tile: what a block computes of a few hundred rows stays
+near the core that computes it, in memory that was there before. Every dense layer is one product
+with the weights it needs; numba gathers what goes into it.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from functools import partial
-from itertools import pairwise
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from mcpseg_cli.choices import Precision
 from mcpseg_cli.networks.device import one_thread_per_operation
-from mcpseg_cli.networks.sparse import NUM_CHILDREN, Level
+from mcpseg_cli.networks.gathering import (
+    Pairs,
+    gather_children,
+    gather_parents,
+    look_around,
+    pair_up,
+    scale_to_unit_length,
+)
+from mcpseg_cli.networks.sparse import Level
+from mcpseg_cli.networks.tiles import Scratch, Workers, height_of
 from mcpseg_cli.networks.unet import (
     Ascend,
     Block,
     Descend,
+    Stack,
     UNet,
     WindowOutput,
-    dense,
 )
 
-_TILE = 2048  # rows: few enough that two cores share a window, enough that a thread is worth it
+_Matrix = NDArray[np.float32]
 
 
 class FastUNet:
@@ -42,19 +51,16 @@ class FastUNet:
 
     def __init__(self, network: UNet, precision: Precision, device: torch.device) -> None:
         self._network = fold(network, precision).to(device)
-        self._is_on_cpu = device.type == "cpu"
-        self._workers = ThreadPoolExecutor(
-            torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,)
-        )
+        self._tiled = TiledUNet(self._network) if device.type == "cpu" else None
 
     @torch.inference_mode()
     def __call__(self, inputs: Tensor, levels: Sequence[Level]) -> WindowOutput:
         """Do as the network does; see ``UNet.forward``."""
-        if not self._is_on_cpu:
+        if self._tiled is None:
             output: WindowOutput = self._network(inputs, levels)
             return output
         with one_thread_per_operation():
-            return self._run(inputs, levels)
+            return self._tiled(inputs, levels)
 
     @property
     def affine(self) -> tuple[float, float]:
@@ -62,72 +68,167 @@ class FastUNet:
         even, steepness = self._network.affine.detach().cpu()
         return float(even), float(nn.functional.softplus(steepness))
 
-    def _run(self, inputs: Tensor, levels: Sequence[Level]) -> WindowOutput:
-        """Run the network stage by stage; each stage shares its rows among the workers."""
-        network = self._network
-        features = self._share(len(inputs), lambda rows: network.stem(inputs[rows]))
+
+class TiledUNet:
+    """A folded U-Net on a processor.
+
+    Args:
+        network: From ``fold``.
+    """
+
+    def __init__(self, network: UNet) -> None:
+        self._stem = _Product(network.stem)
+        self._down = [_looks(stack) for stack in network.down]
+        self._descend = [_Product(each.join) for each in network.descend]
+        self._ascend = [(_Product(each.part), _Product(each.mix)) for each in network.ascend]
+        self._up = [_looks(stack) for stack in network.up]
+
+        self._norm = _scale_and_shift(network.norm)
+        self._hidden = _Product(network.hidden)
+        self._answer = _Product(network.classify, network.embed)
+        self._num_classes = network.classify.out_features
+        self._workers = Workers()
+
+    def __call__(self, inputs: Tensor, levels: Sequence[Level]) -> WindowOutput:
+        """Do as the network does; see ``UNet.forward``."""
+        pairs = [pair_up(level.neighbours.numpy()) for level in levels]
+        features = torch.empty(len(inputs), self._stem.width)
+        self._workers.share(len(inputs), partial(_apply, self._stem, inputs, features))
 
         # from each level to the coarser one
         known = []
-        for stack, descend, level in zip(network.down, network.descend, levels, strict=False):
-            features = self._look(stack, features, level)
+        for number, descend in enumerate(self._descend):
+            features = self._look(self._down[number], features, pairs[number])
             known.append(features)
-            features = self._descend(descend, features, level)
-        features = self._look(network.down[-1], features, levels[-1])
+            features = self._go_down(descend, features, levels[number])
+        features = self._look(self._down[-1], features, pairs[-1])
 
         # and back, with what was known on the way
         for number in reversed(range(len(known))):
-            features = self._ascend(network.ascend[number], features, known[number], levels[number])
-            features = self._look(network.up[number], features, levels[number])
+            features = self._go_up(number, features, known[number], levels[number])
+            features = self._look(self._up[number], features, pairs[number])
 
-        logits_and_embedding = self._share(
-            len(features), lambda rows: torch.cat(network.answer(features[rows]), dim=1)
-        )
-        num_classes = network.classify.out_features
-        return WindowOutput(*logits_and_embedding.tensor_split([num_classes], dim=1))
+        return self._say(features)
 
-    def _look(self, stack: nn.Module, features: Tensor, level: Level) -> Tensor:
-        for block in stack.children():
-            assert isinstance(block, Block)
-            features = self._share(len(features), partial(_look_at, block, features, level))
+    def _look(self, blocks: Sequence[_Look], features: Tensor, pairs: Pairs) -> Tensor:
+        """Let blocks look and think, one after the other."""
+        for block in blocks:
+            thought = torch.empty_like(features)
+            self._workers.share(len(features), partial(block, features, pairs, thought))
+            features = thought
         return features
 
-    def _descend(self, descend: nn.Module, features: Tensor, level: Level) -> Tensor:
-        assert isinstance(descend, Descend)
+    def _go_down(self, join: _Product, features: Tensor, level: Level) -> Tensor:
+        """Give the features of the coarser level."""
         assert level.children is not None
-        children = level.children
-        padded = torch.cat([features, features.new_zeros(1, features.shape[1])])
-        return self._share(len(children), lambda rows: descend.unite(padded[children[rows]]))
+        known, children = features.numpy(), level.children.numpy()
+        coarse = torch.empty(len(children), join.width)
 
-    def _ascend(self, ascend: nn.Module, coarse: Tensor, features: Tensor, level: Level) -> Tensor:
-        assert isinstance(ascend, Ascend)
+        def work(scratch: Scratch, rows: slice) -> None:
+            parts = scratch.matrix("seen", height_of(rows.stop - rows.start), join.depth)
+            gather_children(known, children, parts.numpy(), rows.start, rows.stop)
+            united = join(scratch, "answer", parts)[: rows.stop - rows.start]
+            coarse[rows] = united.relu_()
+
+        self._workers.share(len(children), work)
+        return coarse
+
+    def _go_up(self, number: int, coarse: Tensor, features: Tensor, level: Level) -> Tensor:
+        """Give the features of the finer level: what the coarser one says, and what was known."""
         assert level.parent is not None
         assert level.corner is not None
-        place = level.parent * NUM_CHILDREN + level.corner
-        answers = self._share(len(coarse), lambda rows: dense(ascend.part, coarse[rows]))
-        answers = answers.view(-1, features.shape[1])  # (8·P, F)
-        return self._share(
-            len(features), lambda rows: ascend.blend(answers[place[rows]], features[rows])
-        )
+        part, mix = self._ascend[number]
+        answers = torch.empty(len(coarse), part.width)
+        self._workers.share(len(coarse), partial(_apply, part, coarse, answers))
 
-    def _share(self, count: int, work: Callable[[slice], Tensor]) -> Tensor:
-        """Let the workers do their parts of so many rows; put the answers together."""
-        num_tiles = -(-count // _TILE)
-        ends = [count * number // num_tiles for number in range(num_tiles + 1)] if count else [0, 0]
-        tiles = [slice(*ends) for ends in pairwise(ends)]
-        if len(tiles) == 1:
-            return work(tiles[0])
+        tables = answers.numpy(), features.numpy(), level.parent.numpy(), level.corner.numpy()
+        fine = torch.empty_like(features)
 
-        @torch.inference_mode()
-        def part(rows: slice) -> Tensor:
-            return work(rows)
+        def work(scratch: Scratch, rows: slice) -> None:
+            both = scratch.matrix("seen", height_of(rows.stop - rows.start), mix.depth)
+            gather_parents(*tables, both.numpy(), rows.start, rows.stop)
+            fine[rows] = mix(scratch, "answer", both)[: rows.stop - rows.start]
 
-        return torch.cat(list(self._workers.map(part, tiles)))
+        self._workers.share(len(features), work)
+        return fine
+
+    def _say(self, features: Tensor) -> WindowOutput:
+        """Say what features of the finest level mean."""
+        logits = torch.empty(len(features), self._num_classes)
+        embedding = torch.empty(len(features), self._answer.width - self._num_classes)
+        scale, shift = self._norm
+
+        def work(scratch: Scratch, rows: slice) -> None:
+            count = rows.stop - rows.start
+            seen = scratch.matrix("seen", height_of(count), len(scale))
+            torch.addcmul(shift, features[rows], scale, out=seen[:count]).relu_()
+            hidden = self._hidden(scratch, "hidden of all", seen).relu_()
+            answer = self._answer(scratch, "answer of all", hidden)[:count]
+            logits[rows] = answer[:, : self._num_classes]
+            embedding[rows] = answer[:, self._num_classes :]
+            scale_to_unit_length(embedding[rows].numpy())
+
+        self._workers.share(len(features), work)
+        return WindowOutput(logits, embedding)
 
 
-def _look_at(block: Block, features: Tensor, level: Level, rows: slice) -> Tensor:
-    """Give some rows' new features."""
-    return features[rows] + block.think(block.look.part(features, level, rows.start, rows.stop))
+class _Product:
+    """Dense layers on the same rows, as one product.
+
+    Attributes:
+        depth: Features that go in.
+        width: Features that come out.
+    """
+
+    def __init__(self, *layers: nn.Linear) -> None:
+        self._weight = torch.cat([layer.weight.detach() for layer in layers]).T
+        self._bias = torch.cat([layer.bias.detach() for layer in layers])
+        self.depth, self.width = self._weight.shape
+
+    def __call__(self, scratch: Scratch, name: str, features: Tensor) -> Tensor:
+        """Give (N, width) in the precision of the weights, in a block of a name."""
+        weight = self._weight
+        if features.dtype != weight.dtype:
+            features = scratch.matrix("lowered", *features.shape, weight.dtype).copy_(features)
+        answer = scratch.matrix(name, features.shape[0], self.width, weight.dtype)
+        return torch.addmm(self._bias, features, weight, out=answer)
+
+
+class _Look:
+    """A block: what goes around a voxel, and what it makes of it."""
+
+    def __init__(self, block: Block) -> None:
+        weight = block.look.weight.detach().numpy()
+        self._around = np.concatenate([weight, np.zeros_like(weight[:1])])
+        self._widen, self._narrow = _Product(block.widen), _Product(block.narrow)
+
+    def __call__(
+        self, features: Tensor, pairs: Pairs, thought: Tensor, scratch: Scratch, rows: slice
+    ) -> None:
+        """Fill some rows of ``thought`` with new features."""
+        count = rows.stop - rows.start
+        seen = scratch.matrix("seen", height_of(count), features.shape[1])
+        around = self._around
+        look_around(features.numpy(), *pairs, around, seen.numpy(), rows.start, rows.stop)
+        hidden = self._widen(scratch, "hidden", seen).relu_()
+        answer = self._narrow(scratch, "answer", hidden)
+        torch.add(features[rows], answer[:count], out=thought[rows])
+
+
+def _looks(stack: nn.Module) -> list[_Look]:
+    """Make the blocks of a stack ready."""
+    assert isinstance(stack, Stack)
+    return [_Look(block) for block in stack.children() if isinstance(block, Block)]
+
+
+def _apply(
+    layer: _Product, features: Tensor, answers: Tensor, scratch: Scratch, rows: slice
+) -> None:
+    """Fill some rows of ``answers`` with what a dense layer gives of them."""
+    count = rows.stop - rows.start
+    seen = scratch.matrix("seen", height_of(count), layer.depth)
+    seen[:count] = features[rows]
+    answers[rows] = layer(scratch, "whole answer", seen)[:count]
 
 
 def fold(network: UNet, precision: str) -> UNet:
