@@ -123,10 +123,12 @@ def test_a_damaged_style_stops_the_building(tmp_path, monkeypatch):
     (tmp_path / "styles" / "7_homes.toml").write_text("")
     monkeypatch.setattr(catalogue, "_STYLES", tmp_path / "styles")
     styles.cache_clear()
+    numbered_styles.cache_clear()
     with pytest.raises(InputError, match=r"7_homes.toml: no key name"):
         styles()
     monkeypatch.undo()
     styles.cache_clear()
+    numbered_styles.cache_clear()
 
 
 def test_tables_are_read_at_first_use_and_once():
@@ -142,4 +144,4 @@ def test_tables_are_read_at_first_use_and_once():
     )
     at_import, times, files = map(int, result.stdout.split())
     assert at_import == 0
-    assert times == files == 7 + 4  # styles, and what rooms hold
+    assert times == files == 10 + 4  # styles, and what rooms hold

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from mcpseg_cli.synth.building.walls import leaf_line
 from mcpseg_cli.synth.geometry.collisions import Boxes, reach_of, upright
-from mcpseg_cli.synth.plan import Room
+from mcpseg_cli.synth.plan import Opening, Room
 
 CELL = 0.1
 """Edge of a cell, metres."""
@@ -122,3 +122,15 @@ def _leaf_box(hinge: NDArray[np.float64], edge: NDArray[np.float64]) -> Boxes:
     cosine, sine = along / length
     middle = (hinge + edge) / 2
     return np.array([[middle[0], middle[1], cosine, sine, length / 2, 0.025, 0.0, 2.0]])
+
+
+def in_front(room: Room, opening: Opening, depth: float) -> Boxes:
+    """Return the box of a depth in front of an opening, inside the room."""
+    first, last = np.empty(3), np.empty(3)
+    axis, along = (0, 1) if opening.side % 2 else (1, 0)  # across the wall and along it
+
+    first[along], last[along] = opening.start, opening.end
+    near = room.low[axis] if opening.side in (0, 3) else room.high[axis] - depth
+    first[axis], last[axis] = near, near + depth
+    first[2], last[2] = opening.low, opening.high
+    return upright(first, last)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,6 +56,12 @@ def about_centre(item: Item, x: float, y: float, yaw: float, z: float = 0.0) -> 
     corners = extent(boxes_of(item))
     out = float(corners[0, 1] + corners[1, 1]) / 2
     return x + np.sin(yaw) * out, y - np.cos(yaw) * out, z, yaw
+
+
+def width_of(items: Sequence[Item]) -> float:
+    """Return the width of items along x, symmetric about their frame's origin."""
+    corners = extent(np.concatenate([boxes_of(item) for item in items]))
+    return float(2 * np.abs(corners[:, 0]).max())
 
 
 def _top_of(item: Item) -> tuple[float, Points] | None:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.synth.geometry.collisions import Boxes, Collisions, boxes_of, extent, moved, upright
 from mcpseg_cli.synth.geometry.solids import Item
-from mcpseg_cli.synth.plan import Opening, Room
+from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.rooms.contents.records import Amount, Chance, Several
-from mcpseg_cli.synth.rooms.floor_space import FloorSpace
-from mcpseg_cli.synth.rooms.placed import Placed, Pose, about_centre, holds
+from mcpseg_cli.synth.rooms.floor_space import FloorSpace, in_front
+from mcpseg_cli.synth.rooms.placed import Placed, Pose, about_centre, holds, width_of
 from mcpseg_cli.synth.surfaces.materials import Material
 from mcpseg_cli.synth.surfaces.styles import Style
 
@@ -43,9 +43,9 @@ class Placement:
             self._solids.add(upright(taken[0], taken[1]))
         for opening in room.openings:
             if opening.kind == "window":
-                self._windows.add(self._in_front(opening, _WINDOW_DEPTH))
+                self._windows.add(in_front(room, opening, _WINDOW_DEPTH))
             else:
-                self._solids.add(self._in_front(opening, _DOOR_DEPTH))
+                self._solids.add(in_front(room, opening, _DOOR_DEPTH))
 
     @property
     def items(self) -> list[Item]:
@@ -175,7 +175,7 @@ class Placement:
     ) -> Placed | None:
         """Place an object with its back to a wall: anywhere, in a corner, or beside another."""
         items = (things,) if isinstance(things, Item) else tuple(things)
-        half = _width(items) / 2
+        half = width_of(items) / 2
         poses = [] if near is None else self._beside(near, half, z)
 
         # longer walls are tried more often
@@ -296,21 +296,3 @@ class Placement:
         placed = Placed(tuple(item.moved(*pose) for item in items), size, *pose)
         self.placed.append(placed)
         return placed
-
-    def _in_front(self, opening: Opening, depth: float) -> Boxes:
-        """Return the box in front of an opening, inside the room."""
-        low, high = self.room.low, self.room.high
-        first, last = np.empty(3), np.empty(3)
-        axis, along = (0, 1) if opening.side % 2 else (1, 0)  # across the wall and along it
-
-        first[along], last[along] = opening.start, opening.end
-        near = low[axis] if opening.side in (0, 3) else high[axis] - depth
-        first[axis], last[axis] = near, near + depth
-        first[2], last[2] = opening.low, opening.high
-        return upright(first, last)
-
-
-def _width(items: Sequence[Item]) -> float:
-    """Return the width of items along x, symmetric about their frame's origin."""
-    corners = extent(np.concatenate([boxes_of(item) for item in items]))
-    return float(2 * np.abs(corners[:, 0]).max())

@@ -105,21 +105,7 @@ def _bedding(
     if rng.random() < 0.12:
         return parts  # stripped
 
-    # pillows at the head, flat or leaning, of two sizes
-    count = int(rng.integers(1, 3)) if half < 0.6 else int(rng.integers(2, 6))
-    for number in range(count):
-        x = (number % 2 - 0.5) * half if half >= 0.6 else rng.uniform(-0.08, 0.08)
-        wide = rng.uniform(0.26, 0.36)
-        one = tilted(
-            cushion((-wide, -0.07, 0), (wide, 0.07, 0.42), 0.4, 0.5), rng.uniform(0.5, 1.35)
-        )
-        spot = first + 0.44 + 0.09 * (number // 2)
-        parts.append(
-            solid(
-                replace(sheet, seed=number + 2),
-                shifted(one, float(x), spot, top + 0.02 + 0.09 * (number // 2)),
-            )
-        )
+    parts += _pillows(half, first, top, sheet, rng)
 
     # how untidy: in folds of up to 12 cm
     mess, back = rng.uniform(0.015, 0.06) * (2.0 if rng.random() < 0.35 else 1.0), rng.random()
@@ -130,6 +116,22 @@ def _bedding(
     if rng.random() < 0.25:
         throw, end = _linen(rng), last - rng.uniform(0.05, 0.2)
         parts.append(solid(throw, _cover(half, top + mess + 0.04, end - 0.5, end, 0.012, rng)))
+    return parts
+
+
+def _pillows(
+    half: float, first: float, top: float, sheet: Material, rng: np.random.Generator
+) -> list[Part]:
+    """Make pillows at the head, flat or leaning, of two sizes."""
+    count, parts = int(rng.integers(1, 3)) if half < 0.6 else int(rng.integers(2, 6)), []
+    for number in range(count):
+        x = (number % 2 - 0.5) * half if half >= 0.6 else rng.uniform(-0.08, 0.08)
+        wide = rng.uniform(0.26, 0.36)
+        soft = cushion((-wide, -0.07, 0), (wide, 0.07, 0.42), 0.4, 0.5)
+        one = tilted(soft, rng.uniform(0.5, 1.35))
+        row = 0.09 * (number // 2)
+        there = shifted(one, float(x), first + 0.44 + row, top + 0.02 + row)
+        parts.append(solid(replace(sheet, seed=number + 2), there))
     return parts
 
 

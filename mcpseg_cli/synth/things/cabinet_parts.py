@@ -180,29 +180,30 @@ def _handle(cell: Cell, y: float, finish: Finish) -> list[Part]:
     if is_door and low > 1.2:
         z = low + 0.1
     if finish.handle == "bar":
-        half = 0.08 if wide > 0.2 else 0.03
-        out = (0.006, half) if is_door else (half, 0.006)
-        shape = boxes((x - out[0], y + 0.02, z - out[1]), (x + out[0], y + 0.032, z + out[1]))
-        feet = [(-out[0], -out[1] + 0.01), (out[0] - 0.01, out[1] - 0.02)]
-        posts = boxes(
-            [(x + a, y, z + b) for a, b in feet],
-            [(x + a + 0.01, y + 0.02, z + b + 0.01) for a, b in feet],
-        )
-        return [solid(finish.pull, shape, posts)]
+        return [_bar(x, y, z, 0.08 if wide > 0.2 else 0.03, finish, upright=is_door)]
     if finish.handle == "knob":
         knob = tilted(rod(0.014, 0.0, 0.026, 0, 0, 8), -np.pi / 2)
         return [solid(finish.pull, knob + np.array([x, y, z]))]
     if finish.handle == "rail":
-        top = high - 0.012
-        return [
-            solid(finish.pull, boxes((left + 0.02, y, top - 0.02), (right - 0.02, y + 0.02, top)))
-        ]
+        rail = boxes((left + 0.02, y, high - 0.032), (right - 0.02, y + 0.02, high - 0.012))
+        return [solid(finish.pull, rail)]
     if finish.handle == "lip":
         shade = replace(finish.pull, base=(52, 50, 48), accent=(40, 38, 36))
-        return [
-            solid(shade, boxes((left + 0.01, y, high - 0.024), (right - 0.01, y + 0.001, high)))
-        ]
+        lip = boxes((left + 0.01, y, high - 0.024), (right - 0.01, y + 0.001, high))
+        return [solid(shade, lip)]
     return []
+
+
+def _bar(x: float, y: float, z: float, half: float, finish: Finish, *, upright: bool) -> Part:
+    """Make a bar on two posts about a spot of a front."""
+    out = (0.006, half) if upright else (half, 0.006)
+    shape = boxes((x - out[0], y + 0.02, z - out[1]), (x + out[0], y + 0.032, z + out[1]))
+    feet = [(-out[0], -out[1] + 0.01), (out[0] - 0.01, out[1] - 0.02)]
+    posts = boxes(
+        [(x + a, y, z + b) for a, b in feet],
+        [(x + a + 0.01, y + 0.02, z + b + 0.01) for a, b in feet],
+    )
+    return solid(finish.pull, shape, posts)
 
 
 def _pulled(cell: Cell, y: float, finish: Finish, rng: np.random.Generator) -> Part:
