@@ -162,7 +162,8 @@ def options_of(*commands: str) -> set[str]:
 
 
 def options_of_scripts() -> set[str]:
-    scripts = [*ROOT.glob("examples/*.py"), *ROOT.glob("tests/benchmarks/*.py")]
+    folders = ("examples", "models", "tests/benchmarks")
+    scripts = [path for folder in folders for path in ROOT.glob(f"{folder}/*.py")]
     texts = [path.read_text() for path in scripts]
     return {option for text in texts for option in re.findall(r'"(--?[a-z][a-z0-9-]*)"', text)}
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from functools import partial
+from typing import cast
 
 import numpy as np
 import torch
@@ -79,8 +80,9 @@ class TiledUNet:
     def __init__(self, network: UNet) -> None:
         self._stem = _Product(network.stem)
         self._down = [_looks(stack) for stack in network.down]
-        self._descend = [_Product(each.join) for each in network.descend]
-        self._ascend = [(_Product(each.part), _Product(each.mix)) for each in network.ascend]
+        self._descend = [_Product(cast(Descend, each).join) for each in network.descend]
+        ascend = [cast(Ascend, each) for each in network.ascend]
+        self._ascend = [(_Product(each.part), _Product(each.mix)) for each in ascend]
         self._up = [_looks(stack) for stack in network.up]
 
         self._norm = _scale_and_shift(network.norm)
@@ -189,7 +191,8 @@ class _Product:
         """Give (N, width) in the precision of the weights, in a block of a name."""
         weight = self._weight
         if features.dtype != weight.dtype:
-            features = scratch.matrix("lowered", *features.shape, weight.dtype).copy_(features)
+            lowered = scratch.matrix("lowered", len(features), self.depth, weight.dtype)
+            features = lowered.copy_(features)
         answer = scratch.matrix(name, features.shape[0], self.width, weight.dtype)
         return torch.addmm(self._bias, features, weight, out=answer)
 
