@@ -4,7 +4,10 @@
         --set office=data/Area_9 --method mcpnet --method mcpnet:fused --method unet --range 2.5
 
 A recording is a folder with scans/, poses.csv and gt/, as ``mcpseg raytrace`` writes it; those of a
-set are pooled. Cells are point accuracy / mIoU of the classes present / objects predicted of true.
+set are pooled. Cells are point accuracy / mIoU of the classes present / objects predicted of true;
+with --objects, object accuracy / precision at IoU 0.5 / PQ / AP50 / NMI / ARI, the last two as
+means over the recordings. After a method's name, ``:first`` or ``:fused`` say which looks count,
+``:paper`` or ``:graph`` what makes objects.
 """
 
 from __future__ import annotations
@@ -19,23 +22,29 @@ MCPSEG = [sys.executable, "-m", "mcpseg_cli"]
 
 
 def label(recording: Path, method: str, options: list[str], out: Path) -> None:
-    """Label a recording, unless that is done: METHOD, a weights file, or either with ``:first``."""
-    name, _, labelling = method.partition(":")
+    """Label a recording by METHOD or a weights file, with ``:first``, ``:graph`` and the like."""
+    name, *how = method.split(":")
     is_file = name.endswith(".safetensors")
     chosen = ["-w", name] if is_file else ["--method", name]
-    chosen += ["--labelling", labelling] if labelling else []
+    for word in how:
+        chosen += ["--labelling" if word in ("first", "fused") else "--clustering", word]
     scans = [str(recording / "scans"), str(recording / "poses.csv")]
     command = [*MCPSEG, "segment", *scans, "-o", str(out), "-q", *chosen, *options]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def score(pairs: list[tuple[Path, Path]]) -> str:
+def score(pairs: list[tuple[Path, Path]], *, of_objects: bool) -> str:
     """Score labelled recordings together."""
     paths = [str(path) for pair in pairs for path in pair]
     command = [*MCPSEG, "eval", *paths, "--json", "-q"]
     answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     scores = json.loads(answer)
+    means = scores.get("mean", scores)
     scores = scores.get("pooled", scores)
+    if of_objects:
+        names = ("object_accuracy", "precision_50", "pq", "ap50")
+        cells = [f"{100 * scores[name]:.1f}" for name in names]
+        return " / ".join([*cells, *(f"{100 * means[name]:.1f}" for name in ("nmi", "ari"))])
     accuracy, miou = 100 * scores["point_accuracy"], 100 * scores["miou_present"]
     return f"{accuracy:.1f} / {miou:.1f} / {scores['objects_pred']} of {scores['objects_true']}"
 
@@ -48,6 +57,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--set", action="append", required=True, metavar="NAME=FOLDER,FOLDER")
     parser.add_argument("--method", action="append", required=True)
+    parser.add_argument("--objects", action="store_true", help="tell how whole objects are")
     parser.add_argument("--range", action="append", default=[], help="of networks that see rooms")
     options = parser.parse_args()
 
@@ -67,7 +77,7 @@ def main() -> None:
                         extra = ["--range", reach] if reach else []
                         label(recording, method, extra, out)
                     pairs.append((out, recording / "gt"))
-                cells.append(score(pairs))
+                cells.append(score(pairs, of_objects=options.objects))
             row = f"{Path(method).name}{f', {reach} m' if reach else ''}"
             print("|", row, "|", " | ".join(cells), "|", flush=True)
 

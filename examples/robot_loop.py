@@ -7,7 +7,7 @@ from mcpseg_cli.formats.recording import open_recording, read_scan
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 
 folder = Path(sys.argv[1])
-segmenter = IncrementalSegmenter.load("mcpnet")
+segmenter = IncrementalSegmenter.load()
 door = segmenter.classes.index("door")
 
 for source in open_recording(folder / "scans", folder / "poses.csv"):

@@ -56,7 +56,7 @@ def segment(
         typer.Option(
             help="What labels: a network, or region-growing by normals and colour, which needs no "
             "weights and gives objects without classes (255).  "
-            "[default: the network of --weights, else mcpnet]"
+            "[default: the network of --weights, else unet]"
         ),
     ] = None,
     labelling: Annotated[

@@ -39,17 +39,25 @@ def train(
     net: Annotated[Architecture | None, typer.Option(help="Network.  [default: mcpnet]")] = None,
     epochs: Annotated[
         int | None,
-        typer.Option(help="Passes over the data, one batch of each scan.  [default: 100]"),
+        typer.Option(
+            help="Passes over the data, one batch of each scan.  [default: 100; unet: 10]"
+        ),
     ] = None,
     lr: Annotated[
-        float | None, typer.Option(help="Learning rate of Adam.  [default: 0.001]")
+        float | None,
+        typer.Option(help="Learning rate of Adam.  [default: 0.001; unet: 0.003]"),
     ] = None,
     schedule: Annotated[
         Schedule | None,
-        typer.Option(help="cosine: the learning rate falls to 0.  [default: constant]"),
+        typer.Option(
+            help="cosine: the learning rate falls to 0.  [default: constant; unet: cosine]"
+        ),
     ] = None,
     batch_size: Annotated[
-        int | None, typer.Option(help="Points per batch.  [default: the network's own]")
+        int | None,
+        typer.Option(
+            help="Points per batch; windows for the U-Net.  [default: the network's own; unet: 2]"
+        ),
     ] = None,
     precision: Annotated[
         TrainPrecision | None, typer.Option(help="Arithmetic.  [default: fp32]")
@@ -57,13 +65,16 @@ def train(
     context: Annotated[
         int | None,
         typer.Option(
-            metavar="M", help="Context points per point.  [default: that of --weights, else 50]"
+            metavar="M",
+            help="Context points per point.  [default: that of --weights, else 50; unet: 0]",
         ),
     ] = None,
     local_range: Annotated[
         float | None,
         typer.Option(
-            "--range", metavar="METRES", help="Points used around the robot.  [default: 2.0]"
+            "--range",
+            metavar="METRES",
+            help="Points used around the robot.  [default: 2.0; unet: 6.0]",
         ),
     ] = None,
     augment: Annotated[

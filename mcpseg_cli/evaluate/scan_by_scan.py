@@ -21,6 +21,7 @@ from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import to_map_frame
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import ScanEvent
+from mcpseg_cli.segment.labelled_run import LabelledRun
 
 # metres; the coordinates of other formats are rounded to this when written as LAS
 _LAS_ROUNDING = 1e-4
@@ -109,6 +110,7 @@ def follow_scans(
         return replace(scans, missing=f"{problem}; stability is not measured")
     try:
         poses = _poses(folder)
+        changes = _label_changes(folder, final.lookup, len(xyz))
     except (StateError, OutputError) as error:
         return replace(scans, missing=f"{error}; stability is not measured")
 
@@ -117,6 +119,8 @@ def follow_scans(
     looks = _looks(folder, final.lookup, poses, voxels)
     for number, (ids, semantic, instance) in enumerate(looks, start=1):
         history.look(ids, semantic, instance)
+        if changed := changes.get(number - 1):
+            recorder.change(*changed)
         recorder.look(ids, semantic)
         told(number, len(files))
     stability = history.finish(final.semantic, final.instance)
@@ -158,6 +162,27 @@ def _poses(folder: RunFolder) -> list[NDArray[np.float64] | None]:
     except KeyError as error:
         found, expected = f"no pose for {error.args[0]}", "every scan of events.jsonl"
         raise InputError(folder.state_path, found, expected, "run segment again") from error
+
+
+def _label_changes(
+    folder: RunFolder, lookup: NDArray[np.uint8], num_voxels: int
+) -> dict[int, tuple[NDArray[np.int32], NDArray[np.uint8]]]:
+    """Give the voxels whose labels scans changed, in sight or not, by number of the labelled scan.
+
+    Raises:
+        StateError: The checkpoint, which logs them, is damaged.
+        OutputError: There is no room for a copy of it.
+    """
+    if not folder.state_path.is_file():
+        return {}
+    read = [number for number, event in enumerate(folder.events or ()) if not event.skipped]
+    found = {}
+    with LabelledRun(folder.path) as run:
+        for labelled, number in enumerate(read):
+            for changes in run.label_changes(number):
+                usable = changes.ids < num_voxels
+                found[labelled] = changes.ids[usable], lookup[changes.semantic[usable]]
+    return found
 
 
 def _looks(

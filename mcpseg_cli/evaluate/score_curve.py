@@ -1,4 +1,4 @@
-"""Scores while scanning: the map so far, with the labels that its voxels had when last seen."""
+"""Scores while scanning: the map so far, with the labels that its voxels had at that time."""
 
 from __future__ import annotations
 
@@ -60,7 +60,26 @@ class CurveRecorder:
             ids: (M,) voxels it shows, none twice.
             semantic: (M,) uint8 their classes as known then.
         """
-        # each voxel of known class leaves the cell it was in and enters another
+        self._enter(ids, semantic)
+
+        # the scores after this scan
+        present, num_points = self._confusion.sum(axis=1) > 0, int(self._confusion.sum())
+        iou = intersection_over_union(self._confusion)[present]
+        accuracy = float(np.trace(self._confusion)) / max(num_points, 1)
+        self._rows.append((num_points, float(iou.mean()) if len(iou) else 0.0, accuracy))
+
+    def change(self, ids: NDArray[np.integer], semantic: NDArray[np.uint8]) -> None:
+        """Take in what the next scan changes of voxels seen before, in its sight or not.
+
+        Args:
+            ids: (M,) voxels, none twice; those not seen before are left.
+            semantic: (M,) uint8 their classes from then on.
+        """
+        seen = self._last[ids] >= 0
+        self._enter(ids[seen], semantic[seen])
+
+    def _enter(self, ids: NDArray[np.integer], semantic: NDArray[np.uint8]) -> None:
+        """Let each voxel of known class leave the cell it was in and enter another."""
         known = self._true[ids] != UNKNOWN
         voxels, now = ids[known], np.minimum(semantic[known].astype(np.int64), self._num_classes)
         true, before = self._true[voxels], self._last[voxels]
@@ -68,12 +87,6 @@ class CurveRecorder:
         np.subtract.at(self._confusion, (true[seen], before[seen]), 1)
         np.add.at(self._confusion, (true, now), 1)
         self._last[voxels] = now
-
-        # the scores after this scan
-        present, num_points = self._confusion.sum(axis=1) > 0, int(self._confusion.sum())
-        iou = intersection_over_union(self._confusion)[present]
-        accuracy = float(np.trace(self._confusion)) / max(num_points, 1)
-        self._rows.append((num_points, float(iou.mean()) if len(iou) else 0.0, accuracy))
 
     def curve(self) -> ScoreCurve | None:
         """Return the curve; None without a scan."""

@@ -26,7 +26,7 @@ from mcpseg_cli.networks.unet import UNet
 from mcpseg_cli.networks.voxnet import VoxNet
 from mcpseg_cli.resumable import write_whole
 
-DEFAULT_WEIGHTS = "mcpnet"
+DEFAULT_WEIGHTS = "unet"
 NETWORKS: dict[Architecture, type[Network]] = {
     "unet": UNet,
     "mcpnet": MCPNet,

@@ -19,6 +19,7 @@ from mcpseg_cli.incremental.clustering import dequantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.map_changes import LabelChanges
 from mcpseg_cli.segment.run_record import RunRecord
 from mcpseg_cli.segment.scan_record import ScanRecord
 
@@ -170,6 +171,10 @@ class LabelledRun:
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
         """Return (P, 2) int32 merges in order, old id and surviving id, see ``State``."""
         return self._state.merges(until)
+
+    def label_changes(self, scan: int) -> Iterator[LabelChanges]:
+        """Give what a scan changed of the labels of voxels known before, if anything."""
+        return self._state.label_changes(scan, scan)
 
     def objects(self) -> list[MapObject]:
         """Take stock of the objects, by id; needs all voxels but their embedding in memory."""

@@ -68,14 +68,14 @@ def test_a_network_without_bundled_weights_says_how_to_get_some(recording, tmp_p
     assert "mcpseg train --net voxnet" in result.stderr
 
 
-def test_the_default_is_mcpnet_and_the_run_says_which_method_it_was(recording, tmp_path):
+def test_the_default_sees_the_room_and_the_run_says_which_method_it_was(recording, tmp_path):
     segment(recording, tmp_path / "default", "-q")
     segment(recording, tmp_path / "growing", "--method", "region-growing")
     methods = [
         json.loads((tmp_path / name / "run.json").read_text())["method"]
         for name in ("default", "growing")
     ]
-    assert methods == ["mcpnet", "region-growing"]
+    assert methods == ["unet", "region-growing"]
 
 
 def test_region_growing_is_scored_without_classes(tmp_path):

@@ -15,6 +15,8 @@ from safetensors.torch import load_file
 
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import (
+    WINDOW_SAMPLES,
+    WINDOW_TRAINING,
     AugmentSettings,
     SampleSettings,
     SegmentSettings,
@@ -388,9 +390,16 @@ def test_help_says_the_defaults_that_the_settings_have():
     called = {option_of(name): name for name in settings}
     told = dict.fromkeys(["architecture", "epochs", "learning_rate", "schedule", "precision"])
     text = " ".join(train("--help").stdout.split())
-    for option, default in re.findall(r"(--[a-z-]+) [^[]*\[default: ([\w.-]+)\]", text):
+    found = re.findall(r"(--[a-z-]+) [^[]*\[default: ([^\];]+)(?:; unet: ([\w.]+))?\]", text)
+    for option, default, _ in found:
         name = called.get(option)
         if name is not None and option not in ("--batch-size", "--context"):
             assert str(settings[name]) == default
             told.pop(name, None)
     assert not told
+
+    # those of the U-Net, where they are others
+    own = WINDOW_TRAINING | WINDOW_SAMPLES
+    windows = {called[option]: default for option, _, default in found if default}
+    options = {"epochs", "learning_rate", "schedule", "batch_size", "num_context", "local_range"}
+    assert windows == {name: str(own[name]) for name in options}

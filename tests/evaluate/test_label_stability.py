@@ -93,6 +93,16 @@ def test_the_curve_is_the_score_of_the_labels_last_seen():
     assert curve.document()["miou_present"][-1] == pytest.approx(expected[-1][1])
 
 
+def test_the_curve_follows_voxels_that_change_out_of_sight():
+    recorder = CurveRecorder(np.array([0, 0, 1], np.uint8), 2)
+    recorder.look(np.array([0, 1]), np.array([1, 0], np.uint8))
+    recorder.change(np.array([0, 2]), np.array([0, 1], np.uint8))  # voxel 2 was not seen yet
+    recorder.look(np.array([1]), np.array([0], np.uint8))
+    curve = recorder.curve()
+    assert curve.point_accuracy.tolist() == [0.5, 1.0]
+    assert curve.voxels.tolist() == [2, 2]
+
+
 def test_a_curve_of_one_scan_has_it_at_every_tenth():
     recorder = CurveRecorder(np.zeros(2, np.uint8), 1)
     recorder.look(np.array([0]), np.array([0], np.uint8))
