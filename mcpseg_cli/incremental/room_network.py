@@ -23,8 +23,8 @@ from mcpseg_cli.networks.weights import Weights
 
 _HEIGHT = 8.0  # metres above and below the robot that belong to its room
 _COARSEST = np.int32(2 ** (NUM_LEVELS - 1) - 1)  # levels stay aligned with the map
-_RIM = 1.0  # metres from the border of the window within which a look is worth less
-_LEAST = 0.2  # what a look from the border itself is worth
+_RIM = 2.0  # metres from the border of the window within which a look is worth less
+_LEAST = 0.1  # what a look from the border itself is worth
 
 
 class RoomNetwork:

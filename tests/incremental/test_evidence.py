@@ -103,7 +103,7 @@ def test_the_order_of_looks_does_not_matter_before_anything_is_halved(order, see
     repeats=st.integers(1, 3000),
 )
 def test_no_number_of_looks_overflows(probability, affinity, repeats):
-    share = np.array([probability], np.float32) / np.float32(sum(probability))
+    share = (np.array([probability]) / sum(probability)).astype(np.float32)
     look = Look(
         np.zeros(1, np.int32),
         np.clip(share, 0, 1),
