@@ -113,7 +113,7 @@ def test_more_views_are_more_scans(room, recordings, tmp_path):
     assert 1.6 < many / few < 2.4
 
 
-@pytest.mark.parametrize(("scanner", "metres"), zip(SENSORS, (3.5, 5.0, 5.0), strict=True))
+@pytest.mark.parametrize(("scanner", "metres"), list(zip(SENSORS, (3.5, 5.0, 5.0), strict=True)))
 def test_segment_knows_the_sensor_and_training_takes_the_recording(recordings, scanner, metres):
     folder = recordings / scanner
     recording = open_recording(folder / "scans", folder / "poses.csv")
