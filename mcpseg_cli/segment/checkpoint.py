@@ -232,16 +232,17 @@ class State:
             raise self._database.damaged("merges")
         return merges
 
-    def moves(self, until: int | None = None) -> Iterator[Moves]:
+    def moves(self, first: int = 0, last: int | None = None) -> Iterator[Moves]:
         """Iterate over the voxels that went to other objects otherwise than by merges, in order.
 
         Args:
-            until: Number of the last scan; None for all.
+            first: Number of the first scan.
+            last: Number of the last scan; None for all.
 
         Raises:
             StateError: A scan's are missing or changed.
         """
-        for scan, count, num_voxels, blob in self._logged("moves", "voxels", 0, until):
+        for scan, count, num_voxels, blob in self._logged("moves", "voxels", first, last):
             try:
                 moves = unpacked_moves(blob)
                 if len(moves) != count or not are_within(moves.ids, num_voxels):
@@ -252,7 +253,7 @@ class State:
 
     def history(self, until: int | None = None) -> History:
         """Return all that became of objects, up to the scan of a number or up to now."""
-        return History(self.merges(until), self.moves(until))
+        return History(self.merges(until), self.moves(last=until))
 
     def label_changes(self, first: int = 0, last: int | None = None) -> Iterator[LabelChanges]:
         """Iterate over what scans changed of the labels of voxels known before, in order.
@@ -373,8 +374,12 @@ class State:
         Args:
             scan: Number of the scan.
         """
-        instance, _ = self.history(scan).apply(self._column("instance").astype(np.int32))
+        instance, _ = self.history(scan).apply(self.first_instance())
         return instance
+
+    def first_instance(self) -> NDArray[np.int32]:
+        """Return (V,) int32 object ids as each voxel got them at first; a copy."""
+        return self._column("instance").astype(np.int32)
 
     def _num_voxels(self) -> int:
         """Count the voxels that there must be: the last scan knows."""

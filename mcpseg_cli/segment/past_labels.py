@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
+from mcpseg_cli.incremental.regrouping import History
 from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.checkpoint import State
 
@@ -38,10 +39,12 @@ class PastLabels:
             self._start()
         for changes in self._state.label_changes(self._next, scan):
             changes.apply(self._semantic, self._confidence)
+        for moves in self._state.moves(self._next, scan):
+            self._instance[moves.ids] = moves.instance
         self._next = scan + 1
 
         # objects have merged; id -1 finds what stands for no voxel at the end of each
-        instance = np.append(self._state.instance_after(scan), np.int32(0))
+        instance, _ = History(self._state.merges(scan)).apply(self._instance)
         return Labels(
             self._semantic[point_ids],
             instance[point_ids],
@@ -54,4 +57,5 @@ class PastLabels:
         semantic, confidence = self._state.first_labels()
         self._semantic = np.append(semantic, np.uint8(UNKNOWN))
         self._confidence = np.append(confidence, np.float32(0))
+        self._instance = np.append(self._state.first_instance(), np.int32(0))
         self._next = 0
