@@ -13,6 +13,9 @@ from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import Scan, colour_of, near_robot
 
+ROOM_HEIGHT = 8.0
+"""Metres above and below the robot that belong to its room."""
+
 
 @dataclass(frozen=True)
 class Observation:

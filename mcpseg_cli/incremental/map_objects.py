@@ -20,13 +20,11 @@ from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 
 class MapObjects(Protocol):
-    """What keeps the objects of a map; a scan takes apart, then, with new evidence, puts together.
+    """The objects of a map: a scan takes apart, then, with new evidence, puts together."""
 
-    Attributes:
-        num_objects: How many there are now.
-    """
-
-    num_objects: int
+    @property
+    def num_objects(self) -> int:
+        """How many there are now."""
 
     @property
     def instance(self) -> NDArray[np.int32]:

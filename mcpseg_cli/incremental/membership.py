@@ -23,6 +23,9 @@ class Membership:
 
     Args:
         num_classes: C.
+
+    Attributes:
+        num_objects: How many have a voxel.
     """
 
     def __init__(self, num_classes: int) -> None:
@@ -35,6 +38,7 @@ class Membership:
         self._evidence = Column(np.int64, num_classes)
         pair = types.UniTuple(types.int64, 2)  # type: ignore[no-untyped-call]
         self._boundary = Dict.empty(types.int64, pair)
+        self.num_objects = 0
         self.add_objects(1)
 
     @property
@@ -80,14 +84,14 @@ class Membership:
             objects: (M,) int32.
             evidence: (M, C) integers: their class evidence.
         """
-        _join(
+        self.num_objects += _join(
             ids, objects, evidence, self.instance, self._before.rows, self._after.rows,
             self._first.rows, self.size, self.evidence,
         )  # fmt: skip
 
     def leave(self, ids: NDArray[np.int32], evidence: NDArray[np.integer]) -> None:
         """Take voxels out of their objects; see ``join``."""
-        _leave(
+        self.num_objects -= _leave(
             ids, evidence, self.instance, self._before.rows, self._after.rows,
             self._first.rows, self.size, self.evidence,
         )  # fmt: skip
@@ -172,7 +176,9 @@ def _join(
     first: NDArray[np.int32],
     size: NDArray[np.int64],
     evidence: NDArray[np.int64],
-) -> None:
+) -> int:
+    """Return how many objects have their first voxel."""
+    num_begun = 0
     for i in range(ids.size):
         voxel, owner = ids[i], objects[i]
         instance[voxel] = owner
@@ -184,9 +190,11 @@ def _join(
         if first[owner] != _NONE:
             before[first[owner]] = voxel
         first[owner] = voxel
+        num_begun += size[owner] == 0
         size[owner] += 1
         for c in range(evidence.shape[1]):
             evidence[owner, c] += voxel_evidence[i, c]
+    return num_begun
 
 
 @njit(cache=True)
@@ -199,7 +207,9 @@ def _leave(
     first: NDArray[np.int32],
     size: NDArray[np.int64],
     evidence: NDArray[np.int64],
-) -> None:
+) -> int:
+    """Return how many objects have no voxel any more."""
+    num_ended = 0
     for i in range(ids.size):
         voxel = ids[i]
         owner = instance[voxel]
@@ -215,8 +225,10 @@ def _leave(
         if after[voxel] != _NONE:
             before[after[voxel]] = before[voxel]
         size[owner] -= 1
+        num_ended += size[owner] == 0
         for c in range(evidence.shape[1]):
             evidence[owner, c] -= voxel_evidence[i, c]
+    return num_ended
 
 
 @njit(cache=True)

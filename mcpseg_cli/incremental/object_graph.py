@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.config import EMBEDDING
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.edges import Edges
-from mcpseg_cli.incremental.growing_map import Observation
+from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
 from mcpseg_cli.incremental.linkage import link
 from mcpseg_cli.incremental.map_labels import FirstLooks
 from mcpseg_cli.incremental.membership import Membership
@@ -25,7 +25,6 @@ from mcpseg_cli.incremental.succession import Succession, find_successors
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 _NONE = -1
-_HEIGHT = 8.0  # metres above and below the robot within which objects are put together anew
 _INERTIA = 20  # percent of the evidence that says that what was one object is one, and two two
 _PART = 1 << 16  # voxels restored at a time
 
@@ -61,8 +60,6 @@ class ObjectGraph:
         self._members = Membership(num_classes)
         self._embedding = Column(np.int16, EMBEDDING)
         self._apart = _Apart.nothing()
-        self.num_objects = 0
-        """How many objects there are now."""
 
     @property
     def instance(self) -> NDArray[np.int32]:
@@ -73,6 +70,11 @@ class ObjectGraph:
     def embedding(self) -> NDArray[np.int16]:
         """(V, E) int16 unit embeddings, as fractions of 32767: a view, until the next scan."""
         return self._embedding.rows
+
+    @property
+    def num_objects(self) -> int:
+        """How many objects there are now."""
+        return self._members.num_objects
 
     def class_shares(self, ids: NDArray[np.int32]) -> NDArray[np.float32]:
         """Give (M, C) float32 shares of the class evidence of the objects of (M,) int32 voxels.
@@ -97,7 +99,7 @@ class ObjectGraph:
         Args: See ``MapObjects``.
         """
         if self._reach is not None:
-            around = voxels.near(position, self._reach, _HEIGHT)
+            around = voxels.near(position, self._reach, ROOM_HEIGHT)
             ids = np.union1d(around, np.concatenate([observed.seen_again, observed.new]))
         self._take_apart(voxels, ids)
 
@@ -158,7 +160,6 @@ class ObjectGraph:
         owner = heirs.owner[: len(ids)]
         members.join(ids, owner, evidence)
         members.count_edges(1, ids, neighbours, edges)
-        self.num_objects = int(np.count_nonzero(members.size[1:]))
         known = len(apart.instance)
         inside = _Moved(ids[:known], apart.instance, owner[:known])
         return _report(heirs, inside.and_also(moved_outside))
@@ -211,7 +212,7 @@ class ObjectGraph:
         members.add_objects(num_ids - members.num_ids)
         if not goes_on:
             self.instance[:] = owner
-            self.num_objects = len(np.unique(owner[owner > 0]))
+            members.num_objects = len(np.unique(owner[owner > 0]))
             return
         for start in range(0, len(owner), _PART):
             ids = np.arange(start, min(start + _PART, len(owner)), dtype=np.int32)
@@ -223,7 +224,6 @@ class ObjectGraph:
             neighbours = voxels.neighbours(ids)
             edges = self._edges.of(ids, neighbours, self.embedding)
             members.count_edges(1, ids, neighbours, edges, only_forward=True)
-        self.num_objects = int(np.count_nonzero(members.size[1:]))
 
     def _move_outside(
         self, voxels: VoxelMap, outside: NDArray[np.int32], owner: NDArray[np.int32]

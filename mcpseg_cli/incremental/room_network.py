@@ -12,7 +12,7 @@ from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.classification import complete
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.evidence import Look, compute_affinities
-from mcpseg_cli.incremental.growing_map import Observation
+from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.incremental.window import window_input
 from mcpseg_cli.networks.device import find_device, resolve_precision
@@ -21,7 +21,6 @@ from mcpseg_cli.networks.unet import NUM_LEVELS, UNet
 from mcpseg_cli.networks.unet_inference import FastUNet
 from mcpseg_cli.networks.weights import Weights
 
-_HEIGHT = 8.0  # metres above and below the robot that belong to its room
 _COARSEST = np.int32(2 ** (NUM_LEVELS - 1) - 1)  # levels stay aligned with the map
 _RIM = 2.0  # metres from the border of the window within which a look is worth less
 _LEAST = 0.1  # what a look from the border itself is worth
@@ -72,9 +71,9 @@ class RoomNetwork:
         self, voxels: VoxelMap, observed: Observation, position: NDArray[np.float64]
     ) -> NDArray[np.int32]:
         """List the voxels to judge at a scan: all in range of the robot, and all that it saw."""
-        around = voxels.near(position, self.settings.local_range, _HEIGHT)
+        around = voxels.near(position, self.settings.local_range, ROOM_HEIGHT)
         seen = np.concatenate([observed.seen_again, observed.new])
-        is_high = np.abs(voxels.xyz[seen, 2] - position[2]) > _HEIGHT - voxels.voxel_size
+        is_high = np.abs(voxels.xyz[seen, 2] - position[2]) > ROOM_HEIGHT - voxels.voxel_size
         return np.union1d(around, seen[is_high]) if is_high.any() else around
 
     @torch.inference_mode()
