@@ -374,6 +374,8 @@ class AugmentSettings(BaseModel):
         holes: Windows only: balls of points gone, as behind what stands before them.
         hole_radius: Largest radius of a hole.
         no_ceiling: Windows only: all above some height gone.
+        mixed_boxes: Windows only: a part of the room exchanged for that of another window.
+        mixed_things: Windows only: things of another window stood on free floor.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -409,6 +411,8 @@ class AugmentSettings(BaseModel):
     holes: _Share = 0.0
     hole_radius: float = Field(default=0.0, ge=0.0, le=10.0)
     no_ceiling: _Share = 0.0
+    mixed_boxes: _Share = 0.0
+    mixed_things: _Share = 0.0
 
     @classmethod
     def of_windows(cls) -> Self:

@@ -23,6 +23,7 @@ from mcpseg_cli.networks.sparse import Level, find_neighbours, make_levels, numb
 from mcpseg_cli.networks.unet import NUM_LEVELS
 from mcpseg_cli.train.augmentation import Scene, augment, draw_cut, draw_thinning
 from mcpseg_cli.train.class_table import trained_names
+from mcpseg_cli.train.mixing import LabelledScene, add_things, exchange_box
 from mcpseg_cli.train.samples import AreaSamples
 
 _APART = 1 << 13  # voxels from one window of a batch to the next: no level joins two of them
@@ -138,30 +139,20 @@ class WindowSource:
         return window
 
     def _draw_once(self, number: int, last: int, rng: np.random.Generator) -> _Window:
-        area, settings = self._areas[number], self._settings
+        settings = self._settings
 
-        # which scans, and what they saw within range
-        reach = rng.uniform(settings.shortest_range, settings.longest_range)
-        first = 0
-        if rng.random() < settings.young:
-            first = max(last + 1 - round(np.exp(rng.uniform(0, np.log(settings.most_scans)))), 0)
-        ids, looks = _see(area, first, last, reach)
-
-        # a scene of these points, changed as another world would change it
-        position = area.position[last]
-        scene = Scene(
-            area.xyz[ids], area.rgb[ids].astype(np.float32), position, float(area.floor[last])
-        )
+        # what the robot has seen there, changed as another world would change it
+        drawn = self._draw_scene(number, last, rng)
         if self._augmentation is not None:
-            kept = _leave(scene, self._augmentation, rng)
-            ids, looks = ids[kept], looks[kept]
-            scene = replace(scene, xyz=scene.xyz[kept], rgb=scene.rgb[kept])
-            scene = _lay(augment(scene, self._augmentation, rng), self._augmentation, settings, rng)
+            drawn = self._mix(drawn, self._augmentation, rng)
+            scene = _lay(drawn.scene, self._augmentation, settings, rng)
+            drawn = replace(drawn, scene=scene)
 
         # one point a voxel, whichever comes first
-        order = rng.permutation(len(ids))
+        scene, position = drawn.scene, self._areas[number].position[last]
+        order = rng.permutation(len(scene.xyz))
         xyz = scene.xyz[order] - np.array([*position[:2], 0], np.float32)
-        rows, voxel, most_looks = _voxelise(xyz, looks[order], settings)
+        rows, voxel, most_looks = _voxelise(xyz, drawn.looks[order], settings)
         order = order[rows]
         inputs = window_input(
             xyz[rows],
@@ -172,8 +163,42 @@ class WindowSource:
             voxel_size=settings.voxel_size,
             floor=scene.floor,
         )
-        chosen = ids[order]
-        return _Window(inputs, voxel, self._semantic[number][chosen], area.instance[chosen])
+        return _Window(inputs, voxel, drawn.semantic[order], drawn.instance[order])
+
+    def _draw_scene(self, number: int, last: int, rng: np.random.Generator) -> LabelledScene:
+        """Draw which scans a window is made of, and change what they saw within range."""
+        area, settings = self._areas[number], self._settings
+        reach = rng.uniform(settings.shortest_range, settings.longest_range)
+        first = 0
+        if rng.random() < settings.young:
+            first = max(last + 1 - round(np.exp(rng.uniform(0, np.log(settings.most_scans)))), 0)
+        ids, looks = _see(area, first, last, reach)
+
+        scene = Scene(
+            area.xyz[ids],
+            area.rgb[ids].astype(np.float32),
+            area.position[last],
+            float(area.floor[last]),
+        )
+        drawn = LabelledScene(scene, looks, self._semantic[number][ids], area.instance[ids])
+        if self._augmentation is None:
+            return drawn
+        drawn = drawn[_leave(scene, self._augmentation, rng)]
+        return replace(drawn, scene=augment(drawn.scene, self._augmentation, rng))
+
+    def _mix(
+        self, drawn: LabelledScene, settings: AugmentSettings, rng: np.random.Generator
+    ) -> LabelledScene:
+        """Perhaps exchange a part of a window for that of another, perhaps add things of one."""
+        for share, mix in (
+            (settings.mixed_boxes, exchange_box),
+            (settings.mixed_things, add_things),
+        ):
+            if share and rng.random() < share:
+                place = rng.integers(len(self._scan_of))
+                other = self._draw_scene(self._area_of[place], self._scan_of[place], rng)
+                drawn = mix(drawn, other, rng)
+        return drawn
 
 
 def _see(

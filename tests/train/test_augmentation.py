@@ -36,6 +36,8 @@ OF_WINDOWS = {
     "holes",
     "hole_radius",
     "no_ceiling",
+    "mixed_boxes",
+    "mixed_things",
 }  # see test_windows.py
 OF_BATCHES = [name for name in AugmentSettings.model_fields if name not in OF_WINDOWS]
 
