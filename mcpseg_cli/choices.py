@@ -81,5 +81,8 @@ BestBy = Literal["miou", "loss"]
 TrainPrecision = Literal["fp32", "bf16"]
 """Arithmetic of the network while training."""
 
+StoredAs = Literal["fp32", "fp16"]
+"""Numbers that weights are written in."""
+
 Augmentation = Literal["default", "none"]
 """How training batches are changed: as its settings have it by default, or not at all."""

@@ -22,6 +22,7 @@ from mcpseg_cli.choices import (
     Scanner,
     Schedule,
     Sensor,
+    StoredAs,
     TrainPrecision,
 )
 
@@ -221,6 +222,8 @@ class TrainSettings(BaseModel):
         patience: Stop when so many validations in a row were no better; None: never.
         best_by: What makes weights the best: the highest mIoU, or the lowest loss.
         precision: Arithmetic of the network; ``bf16`` keeps parameters and losses in float32.
+        stored_as: Numbers of the weights file; ``fp16`` halves it, and the network is rounded
+            before its confidence is calibrated.
         seed: Seed of first parameters, order, drop-out and augmentation.
     """
 
@@ -249,6 +252,7 @@ class TrainSettings(BaseModel):
     patience: int | None = Field(default=None, ge=1)
     best_by: BestBy = "miou"
     precision: TrainPrecision = "fp32"
+    stored_as: StoredAs = "fp32"
     seed: int = Field(default=0, ge=0, lt=1 << 63)
 
 

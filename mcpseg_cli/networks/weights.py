@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from mcpseg_cli.choices import Architecture, ContextWindow
+from mcpseg_cli.choices import Architecture, ContextWindow, StoredAs
 from mcpseg_cli.classes import MOST_CLASSES, TABLE_EXPECTED, table_problem
 from mcpseg_cli.config import NUM_CONTEXT
 from mcpseg_cli.errors import WeightsError
@@ -173,20 +173,45 @@ def _make_network(
     return network, info
 
 
-def save_weights(path: Path, network: Network, info: WeightsInfo) -> None:
+def save_weights(
+    path: Path, network: Network, info: WeightsInfo, stored_as: StoredAs = "fp32"
+) -> None:
     """Write a network with its description; the file appears under its name only when complete.
 
     Args:
         path: Where; replaced if there.
-        network: Its parameters are written as float32.
+        network: Its parameters.
         info: What they are.
+        stored_as: Numbers to write matrices in.
+
+    Raises:
+        WeightsError: A matrix has numbers too large for ``fp16``.
     """
     tensors = {
-        name: tensor.detach().float().cpu().contiguous()
+        name: _rounded(tensor, stored_as).cpu().contiguous()
         for name, tensor in network.state_dict().items()
     }
+    for name, tensor in tensors.items():
+        if not bool(torch.isfinite(tensor).all()):
+            found, expected = f"{name} beyond the numbers of {stored_as}", "finite numbers"
+            raise WeightsError(path, found, expected, "store them as fp32")
     description = json.dumps(info.model_dump(mode="json"), sort_keys=True)
     write_whole(path, save(tensors, {_METADATA: description}))
+
+
+def _rounded(tensor: Tensor, stored_as: StoredAs) -> Tensor:
+    """Round a matrix to the numbers of a file; the few numbers of biases and norms stay float32."""
+    is_half = stored_as == "fp16" and tensor.ndim > 1
+    return tensor.detach().to(torch.float16 if is_half else torch.float32)
+
+
+def rounded_network(network: Network, info: WeightsInfo, stored_as: StoredAs) -> Network:
+    """Return the network as it will be read from a file, with parameters in float32."""
+    rounded = build_network(info)
+    rounded.load_state_dict(
+        {name: _rounded(tensor, stored_as) for name, tensor in network.state_dict().items()}
+    )
+    return rounded.eval()
 
 
 def build_network(info: WeightsInfo) -> Network:

@@ -14,7 +14,13 @@ import torch
 from mcpseg_cli import __version__
 from mcpseg_cli.config import NUM_CONTEXT, TrainSettings
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
+from mcpseg_cli.networks.weights import (
+    Weights,
+    WeightsInfo,
+    build_network,
+    rounded_network,
+    save_weights,
+)
 from mcpseg_cli.resumable import printable, write_whole
 from mcpseg_cli.train.calibration import Calibration, calibrate
 from mcpseg_cli.train.checkpoint import check_identity, read_checkpoint, write_checkpoint
@@ -198,17 +204,19 @@ class TrainRun:
         if best is None:
             return self._record(None, None, None, 0)
 
-        # weights as float32 on the processor, with what they are
+        # weights on the processor, rounded as they will be stored, with what they are
+        stored_as = self.request.settings.stored_as
         network = build_network(self.info)
         network.load_state_dict(
             {name: tensor.cpu() for name, tensor in self.trainer.best_network().items()}
         )
+        network = rounded_network(network, self.info, stored_as)
         calibration = self._calibrate(network)
         info = self.info.model_copy(update={"training": self._facts(best)})
         if calibration is not None:
             info = info.model_copy(update={"temperature": calibration.temperature})
         path = self.files.path("safetensors")
-        save_weights(path, network, info)
+        save_weights(path, network, info, stored_as)
 
         # what people and programs read about them
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -16,10 +16,12 @@ from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint, read_tensor_bundle
 from mcpseg_cli.networks.weights import (
     Architecture,
+    StoredAs,
     WeightsInfo,
     build_network,
     find_weights,
     load_weights,
+    rounded_network,
     save_weights,
 )
 
@@ -81,12 +83,40 @@ def test_weights_files_are_small(tmp_path, architecture):
     assert (tmp_path / "w.safetensors").stat().st_size < most
 
 
+@pytest.mark.parametrize("architecture", get_args(Architecture))
+def test_fp16_halves_a_file_and_is_read_as_the_rounded_network(tmp_path, architecture):
+    info = WeightsInfo(architecture=architecture, classes=S3DIS_CLASSES)
+    network = build_network(info)
+    sizes = {}
+    for kind in get_args(StoredAs):
+        save_weights(tmp_path / f"{kind}.safetensors", network, info, kind)
+        sizes[kind] = (tmp_path / f"{kind}.safetensors").stat().st_size
+    assert sizes["fp16"] < 0.6 * sizes["fp32"]
+
+    read = load_weights(tmp_path / "fp16.safetensors").network.state_dict()
+    rounded = rounded_network(network, info, "fp16").state_dict()
+    assert read.keys() == rounded.keys()
+    for name, tensor in network.state_dict().items():
+        assert torch.equal(read[name], rounded[name])
+        assert torch.allclose(read[name], tensor.to(read[name].dtype), rtol=1e-3, atol=1e-6)
+
+
+def test_numbers_too_large_for_fp16_are_refused_and_nothing_is_written(tmp_path):
+    info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
+    network = build_network(info)
+    with torch.no_grad():
+        network.embed.weight[0, 0] = 1e5
+    with pytest.raises(WeightsError, match="embed.weight beyond the numbers of fp16"):
+        save_weights(tmp_path / "w.safetensors", network, info, "fp16")
+    assert not (tmp_path / "w.safetensors").exists()
+
+
 def test_weights_with_nan_are_refused(tmp_path):
     info = WeightsInfo(architecture="mcpnet", classes=S3DIS_CLASSES)
     network = build_network(info)
     with torch.no_grad():
         network.embed.bias[3] = float("nan")
-    save_weights(tmp_path / "w.safetensors", network, info)
+    save_file(network.state_dict(), tmp_path / "w.safetensors", {"mcpseg": info.model_dump_json()})
     with pytest.raises(WeightsError, match="NaN"):
         load_weights(tmp_path / "w.safetensors")
 
