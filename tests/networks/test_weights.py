@@ -106,7 +106,7 @@ def test_numbers_too_large_for_fp16_are_refused_and_nothing_is_written(tmp_path)
     network = build_network(info)
     with torch.no_grad():
         network.embed.weight[0, 0] = 1e5
-    with pytest.raises(WeightsError, match="embed.weight beyond the numbers of fp16"):
+    with pytest.raises(WeightsError, match=r"embed\.weight beyond the numbers of fp16"):
         save_weights(tmp_path / "w.safetensors", network, info, "fp16")
     assert not (tmp_path / "w.safetensors").exists()
 

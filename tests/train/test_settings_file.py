@@ -20,7 +20,7 @@ from mcpseg_cli.train.settings_file import SettingsFile, read_settings, settings
 MODELS = Path(__file__).parents[2] / "models"
 ADDED_LATER = {
     "right_angle", "grid_shift", "tilt_deg", "holes", "hole_radius", "no_ceiling",
-    "mixed_boxes", "mixed_things", "label_smoothing",
+    "mixed_boxes", "mixed_things", "stored_as", "label_smoothing",
 }  # fmt: skip
 """Settings that there were not yet when some weights were trained; left out, they are off."""
 
