@@ -225,8 +225,8 @@ def make_room(
             found.append((name, class_name, scan.xyz[rows], scan.rgb[rows]))
 
     found.sort(key=lambda entry: natural_key(entry[0]))
-    names, classes, xyz, rgb = zip(*found, strict=True)
-    return RoomCloud(room.name, names, classes, xyz, rgb)
+    object_names, class_names, xyz, rgb = zip(*found, strict=True)
+    return RoomCloud(room.name, object_names, class_names, xyz, rgb)
 
 
 def make_building(
