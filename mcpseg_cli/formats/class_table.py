@@ -11,7 +11,7 @@ from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
 from mcpseg_cli.errors import InputError
 
 _IGNORED = ("", "unknown", "-")  # names of classes for labels that mean none
-_REMEDY = "see 'mcpseg train --help'"
+_REMEDY = "mend the table"
 
 
 def read_class_table(path: Path) -> dict[str, str]:

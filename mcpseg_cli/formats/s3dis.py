@@ -40,7 +40,8 @@ class AreaReport:
         dropped: ``file:line`` of each bad line that was not.
         empty: Object files without a point; passed over.
         without_annotations: Folders that hold no annotations or only empty ones; passed over.
-        other_classes: Objects by class that is not in the area's table; they became clutter.
+        other_classes: Objects by class that is not in the area's table.
+        counted_as: What those are, clutter or unknown where the table has no clutter.
         from_cache: Whether the points came from the cache.
         cache_notice: Why there is no cache, or why it was made anew; empty when all is as usual.
     """
@@ -51,18 +52,20 @@ class AreaReport:
     empty: tuple[str, ...] = ()
     without_annotations: tuple[str, ...] = ()
     other_classes: tuple[tuple[str, int], ...] = ()
+    counted_as: str = "clutter"
     from_cache: bool = False
     cache_notice: str = ""
 
     def notices(self) -> tuple[str, ...]:
         """Give one line for each kind of thing a user should know; nothing when all is as usual."""
         others = tuple(f"{name} ({count})" for name, count in self.other_classes)
+        counted = f"class counted as {self.counted_as}"
         kinds = (
             ("bad line mended", self.mended),
             ("bad line dropped", self.dropped),
             ("file without points passed over", self.empty),
             ("folder without annotations passed over", self.without_annotations),
-            ("class counted as clutter", others),
+            (counted, others),
         )
         lines = [f"{len(found):,} x {kind}: {_some(found)}" for kind, found in kinds if found]
         return (*lines, *([self.cache_notice] if self.cache_notice else []))
@@ -255,6 +258,7 @@ def _report(
         empty=tuple(file.name_in(folder) for file in empty),
         without_annotations=tuple(room for room in rooms if room not in filled),
         other_classes=tuple((name, others.count(name)) for name in dict.fromkeys(others)),
+        counted_as="clutter" if "clutter" in classes else "unknown",
     )
 
 
