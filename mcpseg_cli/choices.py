@@ -56,6 +56,9 @@ ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 View = Literal["top", "cut", "perspective"]
 """Where a picture is seen from."""
 
+SynthClasses = Literal["s3dis", "home"]
+"""Which classes name the objects of a synthetic building: the 13 of S3DIS, or finer ones."""
+
 ModelPart = Literal["train", "kept", "all"]
 """Which models furnish a synthetic building: those to train on, those kept from it, or all."""
 

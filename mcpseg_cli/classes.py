@@ -31,6 +31,25 @@ S3DIS_CLASSES = (
 )
 """The 13 classes in the order the S3DIS community uses."""
 
+HOME_CLASSES = (
+    *S3DIS_CLASSES,
+    "bed",
+    "cabinet",
+    "curtain",
+    "kitchen",
+    "appliance",
+    "sanitary",
+    "screen",
+    "lamp",
+    "plant",
+    "picture",
+    "rug",
+    "box",
+)
+"""The 13 classes and what homes are full of: kitchen units, household appliances, toilets, basins
+and baths, screens of computers and televisions, boxes and bags; clutter is the rest.
+"""
+
 MCPNET_CLASSES = (
     "clutter",
     "board",

@@ -8,7 +8,8 @@ FOLDER`` furnishes with them:
   mcpseg synth b/Area_1 --models furniture/
 
 ``FOLDER/models.csv`` has a row for each model and is made to be read and edited: a row without a
-class is not used. ``FOLDER/CREDITS.md`` names creators and licences: it goes into the card of
+class is not used, ``home`` is the class that ``mcpseg synth --classes home`` names it by, where it
+is a finer one. ``FOLDER/CREDITS.md`` names creators and licences: it goes into the card of
 weights that were trained with the models. A table that is there is kept, so that edits last.
 """
 
@@ -25,12 +26,14 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
-from furniture_classes import ON_TABLES, RULES, UNUSED
+from furniture_classes import HOME_RULES, ON_TABLES, RULES, UNUSED
+
+from mcpseg_cli.synth.home_classes import HOME_OF
 
 PACKAGE = "sweethome3d-furniture"
 COLUMNS = (
     "model", "name", "class", "placed", "stands_for", "width", "depth", "height", "part", "creator",
-    "licence", "rotation",
+    "licence", "rotation", "home",
 )  # fmt: skip
 KEPT = 5
 """One model in so many, by hash of its name, is kept from training."""
@@ -124,13 +127,13 @@ def row_of(source: str, entry: dict[str, str]) -> dict[str, str]:
         "creator": entry["creator"],
         "licence": LICENCES.get(source, "see the archive"),
         "rotation": entry.get("modelRotation", ""),
+        "home": home_of(name, kinds, entry),
     }
 
 
 def class_of(entry: dict[str, str], size: list[float]) -> tuple[str, str]:
     """Return the class and what the model may stand for; no class where it is not to be used."""
-    stem = entry["model"].rsplit("/", 1)[-1]
-    own = f"{entry['category']}|{entry['name']}|{stem}".lower()
+    own = _said_of(entry)
     width, depth, height = size
     is_too_small = max(size) < 0.1 or min(size) < 0.015
     if is_too_small or max(width, depth) > 3.5 or height > 2.5:
@@ -141,6 +144,24 @@ def class_of(entry: dict[str, str], size: list[float]) -> tuple[str, str]:
         if re.search(pattern, own):
             return name, _by_size(kinds, width, depth, height)
     return ("", "") if "exterior" in own else ("clutter", "")
+
+
+def home_of(name: str, kinds: str, entry: dict[str, str]) -> str:
+    """Return the finer class, for areas named by classes of homes; empty where it is the same."""
+    if name not in ("clutter", "bookcase"):
+        return ""
+    own = _said_of(entry)
+    for pattern, home in HOME_RULES:
+        if re.search(pattern, own):
+            return home
+    homes = {HOME_OF.get(kind, "") for kind in kinds.split(";")}
+    return homes.pop() if name == "clutter" and len(homes) == 1 else ""
+
+
+def _said_of(entry: dict[str, str]) -> str:
+    """Return what an entry says of itself, in small letters."""
+    stem = entry["model"].rsplit("/", 1)[-1]
+    return f"{entry['category']}|{entry['name']}|{stem}".lower()
 
 
 def _by_size(kinds: str, width: float, depth: float, height: float) -> str:

@@ -120,3 +120,13 @@ RULES = (
     (r"shirt|clothes(?!.*hang)|suit\b|jacket|trousers", "clutter", "clothes"),
 )  # fmt: skip
 """What a row says of itself, its class, and the synthetic things that it may stand for."""
+HOME_RULES = (
+    (r"flower ?box|plant box|coffee press|\bsafe\b", ""),
+    (r"washbasin|vanity|lavatory", "sanitary"),
+    (r"high cabinet", "kitchen"),
+    (r"stove|\bovens?\b|\|cooker|fryer|sandwich maker|grill device", "appliance"),
+    (r"wardrobe|cupboard\|cupboard|closet|dresser|chest\.obj|changing|dressing table", "cabinet"),
+    (r"television cabinet|tv ?stand|saloon_furniture", "cabinet"),
+    (r"\|frame", "picture"),
+)  # fmt: skip
+"""What a row says of itself, and its finer class where that of the things it stands for is not."""

@@ -10,6 +10,7 @@ import typer
 from mcpseg_cli.cli.options import Json, Quiet
 
 if TYPE_CHECKING:
+    from mcpseg_cli.evaluate.class_map import ClassMap
     from mcpseg_cli.evaluate.run import Scores
 
 
@@ -34,6 +35,13 @@ def evaluate(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUE", help="Exit 1 if a figure is below a value; may be repeated."
+        ),
+    ] = None,
+    class_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TABLE",
+            help="CSV 'label,class' or JSON: the class of the scores for each class of OUT and GT.",
         ),
     ] = None,
     plot: Annotated[
@@ -61,6 +69,10 @@ def evaluate(
     Of a run's folder, events.jsonl gives the milliseconds per scan, and the labelled scans tell how
     often voxels changed their class or object when seen again, and how good the map was on the way.
 
+    Maps with other classes than the truth are scored by a table of --class-map: a row for each
+    class of either side and what it stands for; a class of the scores stands for itself. True
+    points of classes without a row, or with "-", are not scored; predicted ones count as wrong.
+
     Several runs are pooled (confusion matrices summed, objects together) and averaged. --fail-under
     takes the names that --json prints, such as miou, iou.wall, rooms.ari; of several runs it takes
     the pooled figure where there is one, else the mean, unless it begins with "pooled." or "mean.".
@@ -71,6 +83,7 @@ def evaluate(
       mcpseg eval out/ s3dis/Area_5 --rooms --plot pictures/
       mcpseg eval out_1 gt_1 out_2 gt_2 --csv > scores.csv
       mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8
+      mcpseg eval out/ scannet_gt/ --class-map models/home_to_nyu40.csv
     """
     from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
@@ -86,7 +99,10 @@ def evaluate(
 
         prepare_plots(plot)
 
-    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
+    from mcpseg_cli.evaluate.class_map import read_class_map
+
+    table = None if class_map is None else read_class_map(class_map)
+    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), table, quiet=quiet)
     document = _document(runs)
 
     # the scores are printed and drawn before demands on them fail
@@ -97,19 +113,29 @@ def evaluate(
     check_demands(demands, document)
 
 
-def _score_all(pairs: list[tuple[Path, Path]], *, quiet: bool) -> list[Scores]:
+def _score_all(
+    pairs: list[tuple[Path, Path]], class_map: ClassMap | None, *, quiet: bool
+) -> list[Scores]:
     """Score pair after pair, all in the class table of the first; say what the user should know."""
     from mcpseg_cli.cli.display import notice
 
     runs: list[Scores] = []
     for output, truth in pairs:
-        runs.append(_score_one(output, truth, runs[0].classes if runs else (), quiet=quiet))
+        classes = runs[0].classes if runs and class_map is None else ()
+        runs.append(_score_one(output, truth, classes, class_map, quiet=quiet))
         for line in runs[-1].notices:
             notice(f"mcpseg: {line}", quiet=quiet)
     return runs
 
 
-def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bool) -> Scores:
+def _score_one(
+    output: Path,
+    truth: Path,
+    classes: tuple[str, ...],
+    class_map: ClassMap | None,
+    *,
+    quiet: bool,
+) -> Scores:
     """Score one pair under a progress bar."""
     from mcpseg_cli.cli.display import progress_bar
     from mcpseg_cli.evaluate.run import evaluate_run
@@ -120,7 +146,7 @@ def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bo
         def told(what: str, done: int, size: int) -> None:
             bar.update(task, completed=done, total=size, state=what)
 
-        return evaluate_run(output, truth, classes=classes, told=told)
+        return evaluate_run(output, truth, classes=classes, class_map=class_map, told=told)
 
 
 def _document(runs: list[Scores]) -> dict[str, object]:

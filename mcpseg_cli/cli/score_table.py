@@ -123,6 +123,7 @@ def score_blocks(
     blocks = [_block(title.format(**protocol), names, columns) for title, names in _SECTIONS]
     blocks = [block for block in blocks if block.rows]
 
+    blocks += _map_blocks(runs)
     if with_rooms:
         blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
     return blocks
@@ -208,6 +209,25 @@ def _room_block(run: Scores, is_named: bool) -> Block:
     rows = [(name, *(_text(metrics[column]) for column in _ROOM_COLUMNS)) for name, metrics in flat]
     title = f"rooms of {run.output}" if is_named else "rooms"
     return Block(f"{title}, each by itself", _ROOM_COLUMNS, tuple(rows))
+
+
+def _map_blocks(runs: Sequence[Scores]) -> list[Block]:
+    """List which classes of either side a class map gave each class of the scores, and none."""
+    mapped = [run.mapped for run in runs if run.mapped]
+    if not mapped:
+        return []
+    out = {label: name for each in mapped for label, name in each.out.items()}
+    gt = {label: name for each in mapped for label, name in each.gt.items()}
+    rows = [
+        (name or "none", _text(_labels_of(name, out)), _text(_labels_of(name, gt)))
+        for name in (*runs[0].classes, None)
+    ]
+    return [Block(f"class map {mapped[0].source}", ("out", "gt"), tuple(rows))]
+
+
+def _labels_of(name: str | None, side: Mapping[str, str | None]) -> str | None:
+    """List the labels of one side that stand for a class, or for none."""
+    return ", ".join(label for label, given in side.items() if given == name) or None
 
 
 def _rows(name: str, columns: Sequence[Column]) -> list[tuple[str, ...]]:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from mcpseg_cli.choices import ModelPart
+from mcpseg_cli.choices import ModelPart, SynthClasses
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 
 _S3DIS_POINTS = {
@@ -67,6 +67,10 @@ def synth(
         float,
         typer.Option(min=0.0, max=1.0, metavar="SHARE", help="How many of the things are meshes."),
     ] = 0.5,
+    classes: Annotated[
+        SynthClasses,
+        typer.Option(help="What names the objects: the 13 classes, or finer ones of homes."),
+    ] = "s3dis",
     jobs: Jobs = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -85,18 +89,20 @@ def synth(
       mcpseg synth b/Area_2 --seed 1 --rooms 40 --spacing 0.02
       mcpseg synth b/Area_7 --seed 1
       mcpseg synth b/Area_8 --seed 1 --models furniture/
+      mcpseg synth b/Area_17 --seed 1 --classes home
       mcpseg raytrace b/Area_1 -o b/scans_1
     """
     import json
 
     from mcpseg_cli.cli.display import print_table, progress_bar
     from mcpseg_cli.resumable import exclusive
+    from mcpseg_cli.synth.area import CLASSES_OF
     from mcpseg_cli.synth.models.library import read_models
     from mcpseg_cli.synth.run import SynthRequest, write_area
 
     started = perf_counter()
     number = _number_of(area)
-    meshes = None if models is None else read_models(models, models_part, models_share)
+    meshes = None if models is None else read_models(models, models_part, models_share, classes)
     request = SynthRequest(
         number=number,
         seed=seed,
@@ -104,11 +110,12 @@ def synth(
         spacing=spacing,
         style=style or number,
         models=None if meshes is None else meshes.digest,
+        classes=classes,
     )
 
     # room by room, counted by class
-    points = dict.fromkeys(_S3DIS_POINTS, 0)
-    objects = dict.fromkeys(_S3DIS_POINTS, 0)
+    points = dict.fromkeys(CLASSES_OF[classes], 0)
+    objects = dict.fromkeys(points, 0)
     with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
         total, written = write_area(
             area, request, number_of_jobs(jobs), models=meshes, overwrite=overwrite
@@ -138,7 +145,8 @@ def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) 
     every, known = max(sum(points.values()), 1), sum(_S3DIS_POINTS.values())
     typer.echo(f"{'class':<10} {'objects':>8} {'points':>11} {'share':>7} {'S3DIS':>7}")
     for name in points:
-        shares = f"{points[name] / every:7.1%} {_S3DIS_POINTS[name] / known:7.1%}"
+        real = f"{_S3DIS_POINTS[name] / known:7.1%}" if name in _S3DIS_POINTS else f"{'-':>7}"
+        shares = f"{points[name] / every:7.1%} {real}"
         typer.echo(f"{name:<10} {objects[name]:>8,} {points[name]:>11,} {shares}")
 
     counts = {"rooms": rooms, "points": sum(points.values()), "objects": sum(objects.values())}

@@ -167,7 +167,7 @@ def train(
         SampleSettings,
         TrainSettings,
     )
-    from mcpseg_cli.train.class_table import read_class_table
+    from mcpseg_cli.formats.class_table import read_class_table
     from mcpseg_cli.train.folds import find_areas, make_folds
     from mcpseg_cli.train.settings_file import SettingsFile, read_settings
 

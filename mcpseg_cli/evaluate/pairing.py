@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.evaluate.class_map import ClassMap
 from mcpseg_cli.evaluate.nearest_points import NearestPoints
 from mcpseg_cli.evaluate.truth import NO_ROOM, Truth, TruthPart
 from mcpseg_cli.formats.labels import check_classes
@@ -37,6 +38,7 @@ class PairedTruth:
         highest_class: Highest true class read before there was a table; -1 for none.
         other_classes: True classes that the table lacks, with their points as read; they are
             unknown.
+        labels: True classes, as the truth names them.
     """
 
     semantic: NDArray[np.uint8]
@@ -51,6 +53,7 @@ class PairedTruth:
     is_named: bool
     highest_class: int
     other_classes: dict[str, int]
+    labels: tuple[str, ...]
 
 
 def pair_with_truth(
@@ -59,6 +62,8 @@ def pair_with_truth(
     classes: tuple[str, ...],
     reach: float,
     told: Callable[[int], None] = lambda _: None,
+    *,
+    class_map: ClassMap | None = None,
 ) -> PairedTruth:
     """Find the truth about every point: that of the same point of the same cloud, else the nearest.
 
@@ -69,6 +74,7 @@ def pair_with_truth(
             these. Without any, the first table that the truth names is taken.
         reach: Metres within which a true point is sought, where the clouds are not the same.
         told: Called after every part with how many have been read.
+        class_map: What the classes of the truth stand for; ``classes`` is that of the map then.
 
     Returns:
         The truth about the points; of points equally near, the first is taken.
@@ -77,7 +83,7 @@ def pair_with_truth(
         InputError: The truth is damaged, has no labels, classes beyond the table, or no class of
             the table.
     """
-    nearest, matching = NearestPoints(xyz, reach), _ClassMatching(classes)
+    nearest, matching = NearestPoints(xyz, reach), _ClassMatching(classes, class_map)
     semantic, instance = np.full(len(xyz), UNKNOWN, np.uint8), np.zeros(len(xyz), np.int32)
     room, covered = np.full(len(xyz), NO_ROOM, np.int32), np.zeros(len(xyz), bool)
     truth_points = num_near = 0
@@ -100,6 +106,7 @@ def pair_with_truth(
     return PairedTruth(
         semantic, instance, room, covered, by_point, reach, truth_points, truth_points - num_near,
         matching.classes, matching.is_named, matching.highest_class, matching.others,
+        tuple(matching.labels),
     )  # fmt: skip
 
 
@@ -108,10 +115,13 @@ class _ClassMatching:
 
     Args:
         classes: The table; may be empty.
+        class_map: What stands for its classes; None for their own names.
     """
 
-    def __init__(self, classes: tuple[str, ...]) -> None:
+    def __init__(self, classes: tuple[str, ...], class_map: ClassMap | None) -> None:
         self.classes = classes
+        self.labels: dict[str, None] = {}
+        self._class_map = class_map
         self.is_named = True
         self.highest_class = -1
         self.others: dict[str, int] = {}
@@ -121,8 +131,10 @@ class _ClassMatching:
         """Return the (256,) table of a part's classes; count its points of classes that lack.
 
         Raises:
-            InputError: The part has numbers beyond the table instead of names.
+            InputError: The part has numbers beyond the table, or any for a class map, instead of
+                names.
         """
+        self.labels |= dict.fromkeys(part.classes)
         self.is_named &= bool(part.classes)
         self.classes = self.classes or part.classes
         counts = np.bincount(part.semantic, minlength=256)
@@ -133,11 +145,14 @@ class _ClassMatching:
             self.highest_class = max(self.highest_class, highest)
             return np.arange(256, dtype=np.uint8)
 
-        if not part.classes:
+        if not part.classes and self._class_map is None:
             check_classes(part.semantic, self.classes, part.source)
 
         # by name; what the table lacks is unknown
-        table = remap_table(part.classes or self.classes, self.classes)
+        if self._class_map is not None:
+            table = self._class_map.look_up(part.classes, part.source)
+        else:
+            table = remap_table(part.classes or self.classes, self.classes)
         self._is_matched |= bool((table != UNKNOWN).any())
         for index, name in enumerate(part.classes):
             if table[index] == UNKNOWN:

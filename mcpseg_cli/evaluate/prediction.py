@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.classes import remap_table
+from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.evaluate.class_map import ClassMap
 from mcpseg_cli.evaluate.run_folder import RunFolder
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.formats.labels import check_classes, confidence_column, point_labels
@@ -32,6 +33,8 @@ class Prediction:
         classes: Class table that was asked for, else the file's; empty when there is neither.
         is_named: Whether the file names its classes.
         lookup: (256,) uint8 class in ``classes`` for every class of the file.
+        labels: Class names of the file.
+        unmapped: Those that a class map gives no class, with their points; they are unknown.
     """
 
     source: Path
@@ -43,6 +46,8 @@ class Prediction:
     classes: tuple[str, ...]
     is_named: bool
     lookup: NDArray[np.uint8]
+    labels: tuple[str, ...]
+    unmapped: dict[str, int]
 
     @property
     def output(self) -> Path:
@@ -60,16 +65,20 @@ class Prediction:
         return self.folder.configuration.voxel_size if self.folder else _DEFAULT_VOXEL
 
 
-def read_prediction(output: Path, classes: tuple[str, ...] = ()) -> Prediction:
+def read_prediction(
+    output: Path, classes: tuple[str, ...] = (), class_map: ClassMap | None = None
+) -> Prediction:
     """Read what is to be scored.
 
     Args:
         output: Folder of a run, or a labelled cloud.
         classes: Class table to score it in, matched by name; by default its own. A file without
             class names is taken to have this one.
+        class_map: What its classes stand for; ``classes`` is that of the map then.
 
     Raises:
-        InputError: Nothing there, damaged, without labels, or with a class that ``classes`` lacks.
+        InputError: Nothing there, damaged, without labels, with a class that ``classes`` lacks, or
+            without any that the map has.
         OSError: It cannot be read.
     """
     # the cloud, and the run it belongs to
@@ -80,7 +89,16 @@ def read_prediction(output: Path, classes: tuple[str, ...] = ()) -> Prediction:
 
     # its classes, in the table asked for
     own, instance = point_labels(cloud, path)
-    lookup = _look_up(cloud.classes, classes, path)
+    if class_map is not None:
+        lookup, classes = _mapped(cloud.classes, class_map, path), class_map.classes
+    else:
+        lookup = _look_up(cloud.classes, classes, path)
+    points = np.bincount(own, minlength=256)
+    unmapped = {
+        name: int(points[index])
+        for index, name in enumerate(cloud.classes)
+        if class_map is not None and lookup[index] == UNKNOWN
+    }
     if classes:
         check_classes(lookup[own], classes, path)
 
@@ -94,6 +112,8 @@ def read_prediction(output: Path, classes: tuple[str, ...] = ()) -> Prediction:
         classes=classes or cloud.classes,
         is_named=bool(cloud.classes),
         lookup=lookup,
+        labels=cloud.classes,
+        unmapped=unmapped,
     )
 
 
@@ -116,6 +136,15 @@ def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:
         found, expected = f"points {extent:.6g} m apart", f"at most {2 * MAX_COORDINATE:.6g} m"
         remedy = "check for stray points, or convert millimetres to metres"
         raise InputError(source, found, expected, remedy)
+
+
+def _mapped(own: tuple[str, ...], class_map: ClassMap, source: Path) -> NDArray[np.uint8]:
+    """Return the (256,) uint8 table from a file's classes to those of a class map."""
+    lookup = class_map.look_up(own, source)
+    if (lookup == UNKNOWN).all():
+        found, expected = f"classes {', '.join(own)}", f"some that {class_map.source} has"
+        raise InputError(source, found, expected, "add rows for them")
+    return lookup
 
 
 def _look_up(own: tuple[str, ...], classes: tuple[str, ...], source: Path) -> NDArray[np.uint8]:

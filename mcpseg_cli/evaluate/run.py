@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.evaluate.class_map import ClassMap, MappedClasses
 from mcpseg_cli.evaluate.class_scores import (
     confusion_matrix,
-    is_probability,
     score_classes,
     score_confidence,
 )
 from mcpseg_cli.evaluate.cluster_scores import ClusterScores, score_clusters
+from mcpseg_cli.evaluate.notices import find_notices
 from mcpseg_cli.evaluate.object_scores import ObjectScores, score_objects
 from mcpseg_cli.evaluate.overlaps import Overlaps, PointLabels, find_overlaps
 from mcpseg_cli.evaluate.pairing import PairedTruth, pair_with_truth
@@ -80,6 +81,7 @@ class Scores:
         objects: How well they agree with their class.
         rooms: The same with a room as the unit; None where the truth names none.
         scan_by_scan: What the scans of the run tell; None for one cloud.
+        mapped: What a class map made of the classes; None without one.
         notices: Lines the user should know.
     """
 
@@ -97,8 +99,9 @@ class Scores:
     overlaps: Overlaps
     objects: ObjectScores
     rooms: RoomScores | None
-    scan_by_scan: ScanByScan | None
-    notices: tuple[str, ...]
+    scan_by_scan: ScanByScan | None = None
+    mapped: MappedClasses | None = None
+    notices: tuple[str, ...] = ()
 
     def document(self) -> dict[str, object]:
         """Give every metric under the name the field uses."""
@@ -109,6 +112,7 @@ class Scores:
             "scored_over": "whole map",
             "pairing": self.pairing,
             "classes_from": self.classes_from,
+            **({"class_map": self.mapped.document()} if self.mapped else {}),
             **asdict(self.counts),
             **asdict(score_classes(self.confusion, self.classes)),
             "confusion": self.confusion.tolist(),
@@ -122,7 +126,12 @@ class Scores:
 
 
 def evaluate_run(
-    output: Path, truth: Path, *, classes: tuple[str, ...] = (), told: Progress = lambda *_: None
+    output: Path,
+    truth: Path,
+    *,
+    classes: tuple[str, ...] = (),
+    class_map: ClassMap | None = None,
+    told: Progress = lambda *_: None,
 ) -> Scores:
     """Score a run of ``mcpseg segment``, or one labelled cloud.
 
@@ -130,6 +139,7 @@ def evaluate_run(
         output: The run's folder (its map.ply is scored), or a labelled cloud.
         truth: Folder of labelled clouds, one labelled cloud, an HDF5 building, or an S3DIS area.
         classes: Class table of the scores; by default that of the output, else of the truth.
+        class_map: What the classes of both stand for, instead of ``classes``.
         told: How far reading has come.
 
     Returns:
@@ -142,7 +152,7 @@ def evaluate_run(
         OSError: A file cannot be read.
     """
     # what is scored, and what it is compared with
-    prediction = read_prediction(output, classes)
+    prediction = read_prediction(output, classes, class_map)
     source = open_truth(truth, lambda _, done, size: told("ground truth", done >> 20, size >> 20))
 
     # the truth about every point, in the class table of the scores
@@ -152,8 +162,9 @@ def evaluate_run(
         prediction.classes,
         prediction.voxel_size / 2,
         lambda done: told("ground truth", done, len(source)),
+        class_map=class_map,
     )
-    table = _choose_table(prediction, source, paired)
+    table = _choose_table(prediction, source, paired, class_map)
     check_classes(prediction.semantic, table.classes, prediction.source)
     _check_truth(prediction, source, paired)
 
@@ -164,7 +175,14 @@ def evaluate_run(
         len(table.classes),
         lambda done, size: told("labelled scans", done, size),
     )
-    return _score(prediction, source, paired, table, scans)
+    notices = (table.assumption, *find_notices(prediction, source, paired, scans, class_map))
+    mapped = None
+    if class_map is not None:
+        sides = class_map.named(prediction.labels), class_map.named(paired.labels)
+        mapped = MappedClasses(class_map.source, *sides)
+    scores = _score(prediction, source, paired, table)
+    told_of = tuple(notice for notice in notices if notice)
+    return replace(scores, scan_by_scan=scans, mapped=mapped, notices=told_of)
 
 
 @dataclass(frozen=True)
@@ -176,8 +194,12 @@ class _ClassTable:
     assumption: str = ""
 
 
-def _choose_table(prediction: Prediction, truth: Truth, paired: PairedTruth) -> _ClassTable:
+def _choose_table(
+    prediction: Prediction, truth: Truth, paired: PairedTruth, class_map: ClassMap | None
+) -> _ClassTable:
     """Take the table that the truth was paired in; number the classes where no file names any."""
+    if class_map is not None:
+        return _ClassTable(class_map.classes, str(class_map.source))
     seen = prediction.semantic[prediction.semantic < UNKNOWN]
     highest = max(int(seen.max(initial=0)), paired.highest_class)
     table = paired.classes or tuple(f"class_{index}" for index in range(highest + 1))
@@ -210,7 +232,6 @@ def _score(
     truth: Truth,
     paired: PairedTruth,
     table: _ClassTable,
-    scans: ScanByScan | None,
 ) -> Scores:
     """Count what is covered."""
     # the points that are compared
@@ -243,8 +264,6 @@ def _score(
         overlaps=overlaps,
         objects=score_objects(overlaps, classes),
         rooms=rooms,
-        scan_by_scan=scans,
-        notices=tuple(_notices(prediction, truth, paired, table, scans)),
     )
 
 
@@ -263,37 +282,3 @@ def _count_points(paired: PairedTruth, num_unpredicted: int) -> PointCounts:
         truth_points=paired.truth_points,
         truth_uncovered=paired.truth_uncovered,
     )
-
-
-def _notices(
-    prediction: Prediction,
-    truth: Truth,
-    paired: PairedTruth,
-    table: _ClassTable,
-    scans: ScanByScan | None,
-) -> Iterator[str]:
-    """Say what was assumed, and what is not scored."""
-    yield from truth.notices
-    if table.assumption:
-        yield table.assumption
-
-    # true classes and labels that are lacking
-    others = {name: points for name, points in paired.other_classes.items() if points}
-    if others:
-        listed = ", ".join(f"{name} ({points:,} points)" for name, points in others.items())
-        yield f"true classes that the run does not have count as unlabelled: {listed}"
-    if not (paired.semantic != UNKNOWN).any():
-        yield f"{truth.source}: no covered point has a class; class and object figures are 0"
-    elif not (paired.instance > 0).any():
-        yield f"{truth.source}: no covered point is in an object; cluster and object figures are 0"
-
-    # confidence that says something else
-    if prediction.confidence is not None and not is_probability(prediction.confidence):
-        yield f"{prediction.source}: confidence beyond 0 to 1; its calibration is not measured"
-
-    # scans that are lacking
-    if prediction.folder and scans is None:
-        missing = "times, stability and the curve over scans are not measured"
-        yield f"{prediction.folder.events_path} is not there; {missing}"
-    elif scans and scans.missing:
-        yield scans.missing

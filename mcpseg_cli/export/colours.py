@@ -27,6 +27,18 @@ _CLASS_COLOURS = {
     "bookcase": "#2ca02c",
     "board": "#151515",
     "clutter": "#f2d024",
+    "bed": "#f58bb4",
+    "cabinet": "#9a6a4f",
+    "curtain": "#5f5fd0",
+    "kitchen": "#d9541e",
+    "appliance": "#1fb5a8",
+    "sanitary": "#9fd8ff",
+    "screen": "#3a3f52",
+    "lamp": "#fff07a",
+    "plant": "#7fd13b",
+    "picture": "#c77dd8",
+    "rug": "#a83250",
+    "box": "#b99a4a",
 }
 _CONFIDENCE_RAMP = (
     "#440154",

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from mcpseg_cli.building import Building
-from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.classes import S3DIS_CLASSES, UNKNOWN
 from mcpseg_cli.errors import InputError, McpsegError, OutputError, naming
 from mcpseg_cli.formats.hdf5 import read_building_h5, read_tags, write_building_h5
+from mcpseg_cli.formats.s3dis_classes import read_classes
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS, ObjectFile, Points, list_area, read_files
 from mcpseg_cli.formats.s3dis_text import format_lines
 from mcpseg_cli.resumable import whole_folder
@@ -39,7 +40,8 @@ class AreaReport:
         dropped: ``file:line`` of each bad line that was not.
         empty: Object files without a point; passed over.
         without_annotations: Folders that hold no annotations or only empty ones; passed over.
-        other_classes: Objects by class that is none of the 13; they became clutter.
+        other_classes: Objects by class that is not in the area's table.
+        counted_as: What those are, clutter or unknown where the table has no clutter.
         from_cache: Whether the points came from the cache.
         cache_notice: Why there is no cache, or why it was made anew; empty when all is as usual.
     """
@@ -50,18 +52,20 @@ class AreaReport:
     empty: tuple[str, ...] = ()
     without_annotations: tuple[str, ...] = ()
     other_classes: tuple[tuple[str, int], ...] = ()
+    counted_as: str = "clutter"
     from_cache: bool = False
     cache_notice: str = ""
 
     def notices(self) -> tuple[str, ...]:
         """Give one line for each kind of thing a user should know; nothing when all is as usual."""
         others = tuple(f"{name} ({count})" for name, count in self.other_classes)
+        counted = f"class counted as {self.counted_as}"
         kinds = (
             ("bad line mended", self.mended),
             ("bad line dropped", self.dropped),
             ("file without points passed over", self.empty),
             ("folder without annotations passed over", self.without_annotations),
-            ("class counted as clutter", others),
+            (counted, others),
         )
         lines = [f"{len(found):,} x {kind}: {_some(found)}" for kind, found in kinds if found]
         return (*lines, *([self.cache_notice] if self.cache_notice else []))
@@ -78,9 +82,10 @@ def read_area(
     """Read an S3DIS area, or one room of it, from text or from the cache made of it.
 
     Rooms and files come in natural order (office_2 before office_10), objects are numbered in this
-    order from 1. The class is the file's name up to the number; classes other than the 13 become
-    clutter. Hidden files, and files that are not .txt, are passed over. See
-    ``s3dis_text.read_lines`` for what becomes of bad lines.
+    order from 1. The class is the file's name up to the number, one of the 13 or of those that
+    ``classes.txt`` names (see ``s3dis_classes.read_classes``); other classes become clutter. Hidden
+    files, and files that are not .txt, are passed over. See ``s3dis_text.read_lines`` for what
+    becomes of bad lines.
 
     The cache belongs to the names, sizes and times of all object files: whenever one differs, or it
     is damaged, the text is read again. That it cannot be written is a notice, no error.
@@ -102,7 +107,8 @@ def read_area(
     """
     folder, files, skipped = list_area(path)
     cached = _cache_of(folder, cache) if use_cache else None
-    fingerprint = _fingerprint(folder, files)
+    classes = read_classes(folder)
+    fingerprint = _fingerprint(folder, files, classes)
 
     # from the cache, if it is that of these files
     notice = ""
@@ -113,7 +119,7 @@ def read_area(
 
     # from text
     points = read_files(files, folder, threads, progress)
-    building, report = _assemble(folder, files, points)
+    building, report = _assemble(folder, files, points, classes)
     report = replace(report, without_annotations=skipped + report.without_annotations)
 
     # which is cached for the next time
@@ -197,7 +203,9 @@ def _class_of(file: ObjectFile) -> str:
     return re.sub(r"_?\d*$", "", file.path.stem).lower()
 
 
-def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Building, AreaReport]:
+def _assemble(
+    folder: Path, files: list[ObjectFile], points: Points, classes: tuple[str, ...]
+) -> tuple[Building, AreaReport]:
     """Label the points and number rooms and objects that have any."""
     # files with points
     counts = points.counts
@@ -208,7 +216,9 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
 
     # an object each, of the class its file is named after
     names = [_class_of(files[number]) for number in kept]
-    classes = [S3DIS_CLASSES.index(name if name in S3DIS_CLASSES else "clutter") for name in names]
+    label_of = {name: label for label, name in enumerate(classes)}
+    rest = label_of.get("clutter", UNKNOWN)
+    labels = [label_of.get(name, rest) for name in names]
     objects = np.arange(1, len(kept) + 1, dtype=np.int32)
 
     # rooms in the order of their first file
@@ -219,21 +229,28 @@ def _assemble(folder: Path, files: list[ObjectFile], points: Points) -> tuple[Bu
     building = Building(
         points.xyz,
         points.rgb,
-        np.repeat(np.array(classes, np.uint8), counts[kept]),
+        np.repeat(np.array(labels, np.uint8), counts[kept]),
         np.repeat(objects, counts[kept]),
+        classes,
         rooms=tuple(sizes),
         room_starts=np.concatenate([[0], np.cumsum(list(sizes.values()))]).astype(np.int64),
         object_names=tuple(f"{files[number].room}/{files[number].path.stem}" for number in kept),
     )
-    return building, _report(folder, files, points, names)
+    return building, _report(folder, files, points, names, classes)
 
 
-def _report(folder: Path, files: list[ObjectFile], points: Points, names: list[str]) -> AreaReport:
+def _report(
+    folder: Path,
+    files: list[ObjectFile],
+    points: Points,
+    names: list[str],
+    classes: tuple[str, ...],
+) -> AreaReport:
     """Say what was noticed, given the class names of the files with points."""
     empty = [file for file, count in zip(files, points.counts, strict=True) if count == 0]
     filled = {file.room for file, count in zip(files, points.counts, strict=True) if count > 0}
     rooms = dict.fromkeys(file.room for file in files)
-    others = sorted(name for name in names if name not in S3DIS_CLASSES)
+    others = sorted(name for name in names if name not in classes)
     return AreaReport(
         num_files=len(names),
         mended=points.mended,
@@ -241,15 +258,17 @@ def _report(folder: Path, files: list[ObjectFile], points: Points, names: list[s
         empty=tuple(file.name_in(folder) for file in empty),
         without_annotations=tuple(room for room in rooms if room not in filled),
         other_classes=tuple((name, others.count(name)) for name in dict.fromkeys(others)),
+        counted_as="clutter" if "clutter" in classes else "unknown",
     )
 
 
-def _fingerprint(folder: Path, files: list[ObjectFile]) -> str:
+def _fingerprint(folder: Path, files: list[ObjectFile], classes: tuple[str, ...]) -> str:
     """Hash what tells one state of the object files from another."""
     lines = [
         f"{file.name_in(folder)}\0{file.size}\0{file.mtime_ns}\0{file.ctime_ns}" for file in files
     ]
-    text = "\n".join([_CACHE_VERSION, *lines])
+    named = [] if classes == S3DIS_CLASSES else list(classes)
+    text = "\n".join([_CACHE_VERSION, *lines, *named])
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 

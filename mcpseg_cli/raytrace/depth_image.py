@@ -31,6 +31,8 @@ _PATCHY = 0.7  # of the holes' variance, the share that is smooth
 _SHINY = {
     "window": 0.9, "board": 0.4, "door": 0.1, "table": 0.15, "chair": 0.1, "bookcase": 0.05,
     "wall": 0.0, "floor": 0.0, "ceiling": 0.0, "beam": 0.0, "column": 0.0, "sofa": 0.0,
+    "bed": 0.0, "curtain": 0.0, "rug": 0.0, "cabinet": 0.1, "appliance": 0.5, "sanitary": 0.7,
+    "screen": 0.8,
 }  # fmt: skip
 _SHINY_ELSE = 0.15
 _SHININESS = 3  # what else is drawn by the seed

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
-from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.choices import SynthClasses
+from mcpseg_cli.classes import HOME_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.synth.building.layout import plan_area
@@ -33,6 +34,8 @@ from mcpseg_cli.synth.surfaces.styles import Style
 
 Result = TypeVar("Result")
 
+CLASSES_OF: dict[SynthClasses, tuple[str, ...]] = {"s3dis": S3DIS_CLASSES, "home": HOME_CLASSES}
+"""The class tables that objects can be named by."""
 MIN_POINTS = 10
 """Objects with fewer points are left out."""
 
@@ -93,6 +96,7 @@ def make_area(
     spacing: float = 0.03,
     style: int | Style | None = None,
     models: Models | None = None,
+    classes: SynthClasses = "s3dis",
     jobs: int = 1,
 ) -> Iterator[RoomCloud]:
     """Make one floor of an office building or of homes as a labelled point cloud, room by room.
@@ -104,6 +108,7 @@ def make_area(
         spacing: There is one point in each square of this edge, metres; 0.008 at the least.
         style: Style, or number of one; that of the area's number by default.
         models: Meshes that stand in for some of the things, from ``read_models``; None for none.
+        classes: What names the objects, one of ``CLASSES_OF``; their points are the same.
         jobs: Processes to share the rooms among; more than one need a main module that can be
             imported.
 
@@ -115,7 +120,7 @@ def make_area(
         OutputError: A worker process was killed.
     """
     chosen, rooms, seeds = plan_building(number, seed, num_rooms, style, models)
-    tasks = zip(rooms, repeat(chosen), repeat(spacing), seeds, strict=False)
+    tasks = zip(rooms, repeat(chosen), repeat(spacing), seeds, repeat(classes), strict=False)
     yield from map_rooms(make_room, tasks, jobs)
 
 
@@ -181,7 +186,9 @@ def _end_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> RoomCloud:
+def make_room(
+    room: Room, style: Style, spacing: float, seed: list[int], classes: SynthClasses = "s3dis"
+) -> RoomCloud:
     """Build, furnish and scan one room.
 
     Args:
@@ -189,6 +196,7 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
         style: The building's.
         spacing: Mean distance of points, metres.
         seed: What the room's random numbers start from.
+        classes: What names its objects.
 
     Returns:
         The room's points.
@@ -199,20 +207,26 @@ def make_room(room: Room, style: Style, spacing: float, seed: list[int]) -> Room
     items = lay_rugs(shell + furnish_room(room, style, rng, wall))
     scan = scan_room(items, room, style, spacing, rng)
 
-    # object by object, numbered within their class
-    order = np.argsort(scan.item, kind="stable")
-    ends = np.cumsum(np.bincount(scan.item, minlength=len(items)))[:-1]
+    # object by object; a rug is one where it has a class
+    names = [item.home or item.name if classes == "home" else item.name for item in items]
+    first = names.index("floor") if "floor" in names else 0
+    objects = np.array([first if name == "floor" else own for own, name in enumerate(names)])
+    of = objects[scan.item]
+    order = np.argsort(of, kind="stable")
+    ends = np.cumsum(np.bincount(of, minlength=len(items)))[:-1]
+
+    # numbered within their class
     counts: dict[str, int] = {}
     found = []
-    for item, rows in zip(items, np.split(order, ends), strict=True):
+    for class_name, rows in zip(names, np.split(order, ends), strict=True):
         if len(rows) >= MIN_POINTS:
-            counts[item.name] = counts.get(item.name, 0) + 1
-            name = f"{item.name}_{counts[item.name]}"
-            found.append((name, item.name, scan.xyz[rows], scan.rgb[rows]))
+            counts[class_name] = counts.get(class_name, 0) + 1
+            name = f"{class_name}_{counts[class_name]}"
+            found.append((name, class_name, scan.xyz[rows], scan.rgb[rows]))
 
     found.sort(key=lambda entry: natural_key(entry[0]))
-    names, classes, xyz, rgb = zip(*found, strict=True)
-    return RoomCloud(room.name, names, classes, xyz, rgb)
+    object_names, class_names, xyz, rgb = zip(*found, strict=True)
+    return RoomCloud(room.name, object_names, class_names, xyz, rgb)
 
 
 def make_building(
@@ -223,6 +237,7 @@ def make_building(
     spacing: float = 0.03,
     style: int | Style | None = None,
     models: Models | None = None,
+    classes: SynthClasses = "s3dis",
     jobs: int = 1,
 ) -> Building:
     """Make an area as ``make_area`` does and return it as one building, all in memory."""
@@ -234,6 +249,7 @@ def make_building(
             spacing=spacing,
             style=style,
             models=models,
+            classes=classes,
             jobs=jobs,
         )
     )
@@ -241,8 +257,9 @@ def make_building(
     flat = [size for room in sizes for size in room]
 
     # labels of the objects, then of their points
-    classes = [S3DIS_CLASSES.index(name) for room in rooms for name in room.classes]
-    semantic = np.repeat(np.array(classes, np.uint8), flat)
+    table = CLASSES_OF[classes]
+    labels = [table.index(name) for room in rooms for name in room.classes]
+    semantic = np.repeat(np.array(labels, np.uint8), flat)
     instance = np.repeat(np.arange(1, len(flat) + 1, dtype=np.int32), flat)
     starts = np.concatenate([[0], np.cumsum([sum(room) for room in sizes])])
     return Building(
@@ -250,6 +267,7 @@ def make_building(
         np.concatenate([colours for room in rooms for colours in room.rgb]),
         semantic,
         instance,
+        table,
         rooms=tuple(room.name for room in rooms),
         room_starts=starts.astype(np.int64),
         object_names=tuple(f"{room.name}/{name}" for room in rooms for name in room.object_names),

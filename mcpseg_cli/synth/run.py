@@ -9,12 +9,14 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.choices import SynthClasses
+from mcpseg_cli.classes import HOME_CLASSES
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.formats.s3dis import write_room
+from mcpseg_cli.formats.s3dis_classes import CLASSES
 from mcpseg_cli.formats.s3dis_files import ANNOTATIONS
 from mcpseg_cli.resumable import check_same, partial_folder, write_whole
-from mcpseg_cli.synth.area import make_room, map_rooms, plan_building
+from mcpseg_cli.synth.area import CLASSES_OF, make_room, map_rooms, plan_building
 from mcpseg_cli.synth.models.library import Models
 from mcpseg_cli.synth.plan import Room
 from mcpseg_cli.synth.surfaces.styles import Style
@@ -31,7 +33,7 @@ _NAMES = {
 
 RoomName = Annotated[str, Field(pattern=r"^[A-Za-z]+_\d+$")]
 """``office_3`` and the like: no path that leads out of the area."""
-_ClassCounts = dict[Annotated[str, Field(pattern=f"^({'|'.join(S3DIS_CLASSES)})$")], int]
+_ClassCounts = dict[Annotated[str, Field(pattern=f"^({'|'.join(HOME_CLASSES)})$")], int]
 
 
 class SynthRequest(BaseModel):
@@ -44,6 +46,7 @@ class SynthRequest(BaseModel):
         spacing: There is one point in each square of this edge, metres.
         style: Number of the style.
         models: Hash of the table of models in use; None for none.
+        classes: What names the objects.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -54,6 +57,7 @@ class SynthRequest(BaseModel):
     spacing: float
     style: int
     models: str | None = None
+    classes: SynthClasses = Field("s3dis", exclude_if=lambda classes: classes == "s3dis")
 
 
 class RoomCounts(BaseModel):
@@ -108,8 +112,9 @@ def write_area(
     """Build an area and write it room by room; rooms that an interrupted call wrote are kept.
 
     Args:
-        folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room and
-            ``synth.json``. The caller holds it against other processes (``resumable.exclusive``).
+        folder: ``OUT/Area_1`` and the like, made if not there; gets a folder for each room,
+            ``synth.json`` and, for classes that are not S3DIS's, ``classes.txt``. The caller holds
+            it against other processes (``resumable.exclusive``).
         request: What to build.
         jobs: Processes that build rooms at once; the result does not depend on it.
         models: Meshes that furnish it; ``request.models`` is their ``digest``.
@@ -141,6 +146,10 @@ def write_area(
         record = earlier
 
     _write_record(folder, record)
+    if request.classes == "s3dis":  # of one that was replaced
+        (folder / CLASSES).unlink(missing_ok=True)
+    else:
+        write_whole(folder / CLASSES, "\n".join(CLASSES_OF[request.classes]) + "\n")
     return len(rooms), _write(folder, record, style, rooms, seeds, jobs)
 
 
@@ -162,7 +171,7 @@ def _write(
 
     # the others
     todo = [
-        (folder, room, style, record.request.spacing, seed)
+        (folder, room, style, record.request.spacing, seed, record.request.classes)
         for room, seed in zip(rooms, seeds, strict=True)
         if room.name not in is_there
     ]
@@ -173,10 +182,15 @@ def _write(
 
 
 def write_one(
-    folder: Path, room: Room, style: Style, spacing: float, seed: list[int]
+    folder: Path,
+    room: Room,
+    style: Style,
+    spacing: float,
+    seed: list[int],
+    classes: SynthClasses = "s3dis",
 ) -> RoomCounts:
     """Build one room and write it, again where it is there but not recorded."""
-    cloud = make_room(room, style, spacing, seed)
+    cloud = make_room(room, style, spacing, seed, classes)
     shutil.rmtree(folder / room.name, ignore_errors=True)
     write_room(folder, room.name, zip(cloud.classes, cloud.xyz, cloud.rgb, strict=True))
 

@@ -18,7 +18,7 @@ from mcpseg_cli.config import (
     WindowSettings,
 )
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.train.class_table import check_class_table
+from mcpseg_cli.formats.class_table import check_class_table
 
 _HEADER = "# mcpseg train --config takes this file.\n"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.classes import HOME_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.export import picture
 from mcpseg_cli.export.colours import (
@@ -38,7 +38,8 @@ def distances(colours):
 
 
 @pytest.mark.parametrize(
-    "classes", [S3DIS_CLASSES, ("pipe", "valve", "floor", "pump", "tank", "stairs", "rail")]
+    "classes",
+    [S3DIS_CLASSES, HOME_CLASSES, ("pipe", "valve", "floor", "pump", "tank", "stairs", "rail")],
 )
 def test_classes_are_told_apart_whatever_they_are_called(classes):
     palette = class_palette(classes)

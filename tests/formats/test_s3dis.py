@@ -255,6 +255,49 @@ def test_classes_outside_the_thirteen_become_clutter_and_are_named(tmp_path):
     assert report.notices() == ("1 x class counted as clutter: stairs (2)",)
 
 
+def test_a_class_table_names_the_classes_of_an_area_and_of_each_of_its_rooms(tmp_path):
+    area = write(tmp_path / "Area_1", dict.fromkeys(["a_1/bed_1", "a_1/stool_1"], LINE))
+    (area / "classes.txt").write_text("# ours\nfloor\n\nclutter\n Bed \n")
+    for path in (area, area / "a_1", area / "a_1/Annotations"):
+        building, report = read_area(path, use_cache=False)
+        assert building.classes == ("floor", "clutter", "bed")
+        assert building.semantic.tolist() == [2, 1]
+        assert report.notices() == ("1 x class counted as clutter: stool (1)",)
+
+
+def test_without_clutter_in_the_table_other_classes_are_unknown(tmp_path):
+    area = write(tmp_path / "Area_1", dict.fromkeys(["a_1/bed_1", "a_1/stool_1"], LINE))
+    (area / "classes.txt").write_text("floor\nbed\n")
+    building, report = read_area(area, use_cache=False)
+    assert building.semantic.tolist() == [1, 255]
+    assert report.notices() == ("1 x class counted as unknown: stool (1)",)
+
+
+def test_another_class_table_makes_the_cache_anew(tmp_path):
+    area = write(tmp_path / "Area_1", {"a_1/bed_1": LINE})
+    assert read_area(area)[0].classes == S3DIS_CLASSES
+    (area / "classes.txt").write_text("bed\nwall\n")
+    assert read_area(area)[0].classes == ("bed", "wall")
+    assert read_area(area)[1].from_cache
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (b"# nothing\n", "no class; expected up to 254 names"),
+        (b"bed\nbed\n", "class 'bed' twice; expected every class once"),
+        (b"bed,wall\n", "a class named 'bed,wall'; expected"),
+        (b"\xff\xfe", "no text in UTF-8; expected class names"),
+    ],
+)
+def test_a_class_table_that_cannot_be_used_is_refused_in_one_line(tmp_path, text, says):
+    area = write(tmp_path / "Area_1", {"a_1/bed_1": LINE})
+    (area / "classes.txt").write_bytes(text)
+    with pytest.raises(InputError, match=rf"classes\.txt: {says}") as caught:
+        read_area(area)
+    assert len(str(caught.value).splitlines()) == 1
+
+
 def test_empty_files_and_folders_without_annotations_are_passed_over_and_named(tmp_path):
     area = write(tmp_path / "Area_1", {"a_1/wall_1": LINE, "a_1/wall_2": "", "b_1/wall_1": "\n \n"})
     (area / "c_1").mkdir()

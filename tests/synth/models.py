@@ -54,10 +54,10 @@ def row(model: str, class_name: str, kinds: str, size, **changed: str) -> dict[s
     return values | changed
 
 
-def write_table(folder: Path, rows) -> None:
-    """Write models.csv."""
+def write_table(folder: Path, rows, extra: tuple[str, ...] = ()) -> None:
+    """Write models.csv, with more columns if asked for."""
     with (folder / "models.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, (*COLUMNS, *extra))
         writer.writeheader()
         writer.writerows(rows)
 

@@ -85,6 +85,25 @@ def test_a_table_that_was_edited_is_kept(folder, script):
     assert rows_in(folder)[0]["class"] == "sofa"
 
 
+@pytest.mark.parametrize(
+    ("name", "kinds", "said", "home"),
+    [
+        ("clutter", "washing machine", "Washbasin", "sanitary"),
+        ("clutter", "washing machine", "Clothes washing machine", "appliance"),
+        ("clutter", "picture;clock", "Frame", "picture"),
+        ("clutter", "picture;clock", "Cuckoo clock", ""),
+        ("bookcase", "low", "Dresser with drawers", "cabinet"),
+        ("bookcase", "low", "Shelves", ""),
+        ("table", "side", "Bedside table", ""),
+    ],
+)
+def test_the_finer_class_goes_by_the_name_before_what_it_stands_for(
+    script, name, kinds, said, home
+):
+    entry = {"model": "/a/b.obj", "category": "Home", "name": said}
+    assert script.home_of(name, kinds, entry) == home
+
+
 def test_about_a_fifth_is_kept_from_training(script):
     entry = {"name": "Chair", "category": "Office", "creator": "Ann"}
     entry |= {"width": "50", "depth": "50", "height": "90"}

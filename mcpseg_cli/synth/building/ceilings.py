@@ -122,7 +122,8 @@ def _lamps(
         if not _fits(room, np.array([x, y]), half, taken):
             continue
         parts = _build(lamp, half, Material("plain", colour, colour, 0.1, 0, lit))
-        items.append(Item("clutter", tuple(part.moved(x, y, room.ceiling) for part in parts)))
+        hung = tuple(part.moved(x, y, room.ceiling) for part in parts)
+        items.append(Item("clutter", hung, "lamp"))
     return items
 
 

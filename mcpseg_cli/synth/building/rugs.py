@@ -43,42 +43,47 @@ def make_rug(outline: Outline, style: Style, rng: np.random.Generator) -> Item:
     if pattern in ("print", "stripes", "checks"):
         field = replace(field, accent=other)
     if rng.random() < 0.35:
-        return Item("floor", (part_of(_sheet([outline]), field),))
+        return Item("floor", (part_of(_sheet([outline]), field),), "rug")
 
     # a border all round
     inner = outline * (1.0 - rng.uniform(0.1, 0.4) / np.ptp(outline, axis=0))
     border = paint(other, rng, "carpet", 0.1)
     rim = part_of(_sheet(_cut(outline, inner)), border)
-    return Item("floor", (part_of(_sheet([inner]), field), rim))
+    return Item("floor", (part_of(_sheet([inner]), field), rim), "rug")
 
 
 def lay_rugs(items: Sequence[Item]) -> list[Item]:
-    """Join the rugs of a room with its floor, cut out under them.
+    """Lay the rugs of a room on its floor, which is cut out under them.
 
     Args:
         items: Objects of one room, the floor before any rugs; these are the further ones of class
             floor.
 
     Returns:
-        The same objects with all of class floor as one; the very same ones where there is no rug.
+        The same objects, the rugs after the floor, each cut out under those that came later, and
+        none of which nothing is left; the very same ones where there is no rug.
     """
     floors = [item for item in items if item.name == "floor"]
     if len(floors) < 2:
         return list(items)
 
     # each rug is cut out of all that lies there before it
-    parts = floors[0].parts
+    laid = floors[:1]
     for rug in floors[1:]:
         corners = np.concatenate([part.triangles[..., :2].reshape(-1, 2) for part in rug.parts])
         outline = corners[ConvexHull(corners).vertices]
-        parts = tuple(kept for part in parts for kept in _without(part, outline)) + rug.parts
+        cut = [replace(item, parts=_cut_out(item.parts, outline)) for item in laid]
+        laid = [*(item for item in cut if item.parts), rug]
 
-    joined = Item("floor", parts)
-    return [
-        joined if item is floors[0] else item
-        for item in items
-        if item is floors[0] or item.name != "floor"
-    ]
+    # where the floor was
+    place = next(number for number, item in enumerate(items) if item is floors[0])
+    after = [item for item in items[place:] if item.name != "floor"]
+    return [*items[:place], *laid, *after]
+
+
+def _cut_out(parts: tuple[Part, ...], outline: Outline) -> tuple[Part, ...]:
+    """Return level parts with an outline cut out."""
+    return tuple(kept for part in parts for kept in _without(part, outline))
 
 
 def _without(part: Part, outline: Outline) -> list[Part]:

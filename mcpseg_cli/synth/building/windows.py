@@ -141,4 +141,4 @@ def _shade(
             y = y + 0.014 * np.where(np.arange(rows) % 2, 1, -1)
         sheet = surface(np.stack([x, y, z], axis=-1))
         parts.append(part_of(on_wall(sheet, room, opening.side), cloth))
-    return Item("clutter", tuple(parts))
+    return Item("clutter", tuple(parts), "curtain")

@@ -182,12 +182,12 @@ def solid(material: Material, *triangles: Triangles) -> Part:
     return part_of(together[area_of(together) > 1e-9], material)
 
 
-def stand(name: str, parts: Sequence[Part]) -> Item:
+def stand(name: str, parts: Sequence[Part], home: str = "") -> Item:
     """Make an object of parts, shifted so that it stands on z = 0, its back at y = 0, x centred."""
     low = np.min([part.triangles.min(axis=(0, 1)) for part in parts], axis=0)
     high = np.max([part.triangles.max(axis=(0, 1)) for part in parts], axis=0)
     shift = np.array([-(low[0] + high[0]) / 2, -low[1], -low[2]])
-    return Item(name, tuple(part.moved(*shift.tolist()) for part in parts))
+    return Item(name, tuple(part.moved(*shift.tolist()) for part in parts), home)
 
 
 def _faces(corners: Points) -> Triangles:

@@ -54,10 +54,12 @@ class Item:
     Attributes:
         name: Class, one of the 13 of S3DIS.
         parts: At least one part.
+        home: Finer class, one of ``HOME_CLASSES``; empty where it is the same.
     """
 
     name: str
     parts: tuple[Part, ...]
+    home: str = ""
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Item:
         """Return the object turned about the z axis of the frame it stands in, then shifted."""

@@ -10,12 +10,16 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from mcpseg_cli.choices import ModelPart
+from mcpseg_cli.choices import ModelPart, SynthClasses
 from mcpseg_cli.errors import InputError
 
 TABLE = "models.csv"
 _Placed = Literal["floor", "table", "wall", "opening"]
 _Class = Literal["window", "door", "table", "chair", "sofa", "bookcase", "board", "clutter"]
+_Home = Literal[
+    "", "bed", "cabinet", "curtain", "kitchen", "appliance", "sanitary", "screen", "lamp", "plant",
+    "picture", "rug", "box",
+]  # fmt: skip
 Extent = Annotated[float, Field(gt=0.001, le=10)]
 _REMEDY = "mend the row, or make the folder again with models/fetch_furniture.py"
 
@@ -47,6 +51,7 @@ class Model(BaseModel):
         size: Width, depth and height, metres.
         part: Whether it may be trained on.
         rotation: (3, 3) by rows: how the mesh is turned before its front faces +z; empty for not.
+        home: Finer class, one of ``HOME_CLASSES``; empty where it is the same.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -58,6 +63,7 @@ class Model(BaseModel):
     size: tuple[Extent, Extent, Extent]
     part: Literal["train", "kept"]
     rotation: tuple[float, ...]
+    home: _Home = ""
 
     @field_validator("rotation")
     @classmethod
@@ -109,13 +115,16 @@ class Models(BaseModel):
         return found if class_name == "clutter" else found + self._by_kind.get((class_name, ""), ())
 
 
-def read_models(folder: Path, part: ModelPart = "train", share: float = 0.5) -> Models:
+def read_models(
+    folder: Path, part: ModelPart = "train", share: float = 0.5, classes: SynthClasses = "s3dis"
+) -> Models:
     """Read the table of a folder of models; rows without a class are passed over.
 
     Args:
         folder: The folder; has ``models.csv`` and the meshes that it names.
         part: Which of the models to use: those to train on, those kept from it, or all.
         share: How often a thing for which there are models is to be one of them.
+        classes: What is to name them; classes of homes need the table's column ``home``.
 
     Returns:
         The models.
@@ -134,6 +143,9 @@ def read_models(folder: Path, part: ModelPart = "train", share: float = 0.5) -> 
 
     # the rows that are in use
     rows = list(csv.DictReader(text.splitlines()))
+    if classes == "home" and not any("home" in row for row in rows):
+        remedy = "remove it and run models/fetch_furniture.py again"
+        raise InputError(path, "no column home", "the finer class of each model", remedy)
     named = [(line, row) for line, row in enumerate(rows, 2) if row.get("class")]
     models = [_model_of(path, line, row) for line, row in named]
     chosen = tuple(model for model in models if part in ("all", model.part))
@@ -157,6 +169,7 @@ def _model_of(path: Path, line: int, row: dict[str, str]) -> Model:
                 "size": (row["width"], row["depth"], row["height"]),
                 "part": row["part"],
                 "rotation": tuple(row["rotation"].split()),
+                "home": row.get("home") or "",
             }
         )
     except (KeyError, AttributeError) as error:

@@ -150,7 +150,7 @@ def dressed(
         if piece.image is not None and piece.uv is not None and material.pattern != "glass":
             part = replace(part, skin=Skin(piece.image, piece.uv, tint))
         parts.append(part)
-    return Item(model.class_name, tuple(parts))
+    return Item(model.class_name, tuple(parts), model.home)
 
 
 def _new_surface(class_name: str, style: Style, rng: np.random.Generator) -> Material | None:

@@ -102,7 +102,7 @@ def furnish_room(
 
     Returns:
         The objects in the map frame, floor at z = 0; empty if nothing fits. Window sills are of
-        class window, rugs of class floor: ``lay_rugs`` joins them with the room's.
+        class window, rugs of class floor: ``lay_rugs`` lays them on the room's.
     """
     placement = Placement(room, style, rng, wall)
     if room.kind == "hallway" and not style.is_public:

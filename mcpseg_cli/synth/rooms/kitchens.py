@@ -134,7 +134,8 @@ def _counters(placement: Placement) -> None:
     holds, style, rng = homes().kitchen, placement.style, placement.rng
     near = None
     for width in [rng.uniform(*ends) for ends in holds.counters]:
-        item = stand("clutter", counter_parts(min(width, placement.length - 0.9), style, rng))
+        parts = counter_parts(min(width, placement.length - 0.9), style, rng)
+        item = stand("clutter", parts, "kitchen")
         near = placement.against_wall(item, gap=0.005, turn=0.0, tries=16, near=near) or near
         if near is not None:
             dress_top(placement, near, placement.several(holds.on_counters))

@@ -164,7 +164,7 @@ def _counter(placement: Placement) -> Placed | None:
     holds, style, rng = public_rooms().pantry, placement.style, placement.rng
     for width in (rng.uniform(*holds.counter), holds.short_counter):
         parts = counter_parts(min(width, placement.length - 1.0), style, rng)
-        counter = stand("clutter", parts)
+        counter = stand("clutter", parts, "kitchen")
         placed = placement.against_wall(counter, gap=0.005, turn=0.0, tries=12)
         if placed is not None:
             return placed

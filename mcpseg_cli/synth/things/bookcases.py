@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,17 +40,28 @@ def make_bookcase(
     model = stand_in("bookcase", kind, style, shape)
     if model is not None:
         return [model]
-    parts, loose = BOOKCASE_KINDS[kind](style, shape, rng)
+    made = BOOKCASE_KINDS[kind](style, shape, rng)
 
     # the lowest and rearmost point goes to the origin
-    low = np.min([part.triangles.min(axis=(0, 1)) for part in parts], axis=0)
-    items = [("bookcase", parts), *(("clutter", thing) for thing in loose)]
+    low = np.min([part.triangles.min(axis=(0, 1)) for part in made.parts], axis=0)
     y, z = -float(low[1]), -float(low[2])
-    return [Item(name, tuple(part.moved(y=y, z=z) for part in own)) for name, own in items]
+    things = [Item("clutter", tuple(thing)) for thing in made.loose]
+    bookcase = Item("bookcase", tuple(made.parts), "cabinet" if made.is_closed else "")
+    return [item.moved(y=y, z=z) for item in (bookcase, *things)]
 
 
-Filled = tuple[list[Part], list[list[Part]]]
-"""Parts of the bookcase, and the parts of each separate thing."""
+class Filled(NamedTuple):
+    """A bookcase, or part of one, and what it holds.
+
+    Attributes:
+        parts: Of the bookcase.
+        loose: The parts of each separate thing.
+        is_closed: Whether doors hide all of its inside.
+    """
+
+    parts: list[Part]
+    loose: list[list[Part]]
+    is_closed: bool = False
 
 
 def _carcass(
@@ -109,7 +121,7 @@ def _fill(bay: _Bay, fullness: float, style: Style, rng: np.random.Generator) ->
             thing, wide = _thing(bay, x, free, style, rng)
             loose += [thing] if thing else []
             x += wide + rng.uniform(0.01, 0.06)
-    return parts, loose
+    return Filled(parts, loose)
 
 
 def _books(bay: _Bay, x: float, last: float, rng: np.random.Generator) -> tuple[list[Part], float]:
@@ -184,10 +196,10 @@ def _shelves(
     span = (-width / 2 + 0.025, width / 2 - 0.025)
     for level, top in zip(levels, [*levels[1:], height - 0.02], strict=True):
         bay = _Bay(span, depth - 0.01, level + 0.02, top - level - 0.02)
-        more, things = _fill(bay, fullness, style, filling)
+        more, things, _ = _fill(bay, fullness, style, filling)
         parts += [part.moved(y=0.007) for part in more]
         loose += [[part.moved(y=0.007) for part in thing] for thing in things]
-    return parts, loose
+    return Filled(parts, loose)
 
 
 def _board_material(style: Style, rng: np.random.Generator) -> Material:
@@ -211,7 +223,7 @@ def _low(style: Style, rng: np.random.Generator, filling: np.random.Generator) -
     is_open, material = rng.random() < 0.5, _board_material(style, rng)
     if is_open:
         return _shelves(material, size, rng.choice([0.0, 0.06]), style, rng, filling)
-    return _doors(material, size, (0.05, size[2] - 0.02), rng), []
+    return Filled(_doors(material, size, (0.05, size[2] - 0.02), rng), [], is_closed=True)
 
 
 def _tv_board(style: Style, rng: np.random.Generator, filling: np.random.Generator) -> Filled:
@@ -220,7 +232,7 @@ def _tv_board(style: Style, rng: np.random.Generator, filling: np.random.Generat
     is_open, material = rng.random() < 0.5, _board_material(style, rng)
     if is_open:
         return _shelves(material, size, rng.choice([0.0, 0.06, 0.12]), style, rng, filling)
-    return _doors(material, size, (0.05, size[2] - 0.02), rng), []
+    return Filled(_doors(material, size, (0.05, size[2] - 0.02), rng), [], is_closed=True)
 
 
 def _doors(
@@ -263,22 +275,22 @@ def _cupboard(style: Style, rng: np.random.Generator, filling: np.random.Generat
     size = (rng.uniform(0.8, 1.25), rng.uniform(0.38, 0.48), rng.uniform(1.7, 2.25))
     material = _board_material(style, rng)
     if rng.random() < 0.4:
-        return _doors(material, size, (0.06, size[2] - 0.03), rng), []
+        return Filled(_doors(material, size, (0.06, size[2] - 0.03), rng), [], is_closed=True)
 
     # doors below, shelves on top of them
     (width, depth, height), split = size, rng.uniform(0.7, 1.1)
     low = _doors(material, (width, depth, split), (0.06, split - 0.01), rng)
     upper = (width, depth - 0.02, height - split)
-    parts, loose = _shelves(material, upper, 0.0, style, rng, filling)
+    parts, loose, _ = _shelves(material, upper, 0.0, style, rng, filling)
     raised = [[part.moved(z=split) for part in thing] for thing in loose]
-    return low + [part.moved(z=split) for part in parts], raised
+    return Filled(low + [part.moved(z=split) for part in parts], raised)
 
 
 def _glass(style: Style, rng: np.random.Generator, filling: np.random.Generator) -> Filled:
     """Bookcase with glass doors: frames, panes, books behind."""
     size = (rng.uniform(0.8, 1.1), rng.uniform(0.32, 0.42), rng.uniform(1.6, 2.1))
     material = _board_material(style, rng)
-    parts, loose = _shelves(material, size, 0.08, style, rng, filling)
+    parts, loose, _ = _shelves(material, size, 0.08, style, rng, filling)
 
     # the frames of two doors, and one pane through both
     half, depth, height = size[0] / 2, size[1], size[2]
@@ -288,7 +300,7 @@ def _glass(style: Style, rng: np.random.Generator, filling: np.random.Generator)
     parts.append(solid(material, boxes([a for a, _ in bars], [b for _, b in bars])))
     low, high = (-half + 0.045, depth + 0.006, 0.14), (half - 0.045, depth + 0.01, height - 0.05)
     parts.append(solid(paint((190, 205, 205), rng, "glass"), boxes(low, high)))
-    return parts, loose
+    return Filled(parts, loose)
 
 
 def _rack(style: Style, rng: np.random.Generator, filling: np.random.Generator) -> Filled:
@@ -305,10 +317,10 @@ def _rack(style: Style, rng: np.random.Generator, filling: np.random.Generator) 
         low, high = (-half + 0.004, 0.004, level), (half - 0.004, depth - 0.004, level + 0.035)
         parts.append(solid(metal, boxes(low, high)))
         bay = _Bay((-half + 0.05, half - 0.05), depth - 0.04, level + 0.035, top - level - 0.05)
-        more, things = _fill(bay, filling.uniform(0.4, 0.9), style, filling)
+        more, things, _ = _fill(bay, filling.uniform(0.4, 0.9), style, filling)
         for content in (more, *things):
             parts += [part.moved(y=0.02) for part in content]
-    return parts, []
+    return Filled(parts, [])
 
 
 def _wall_shelf(style: Style, rng: np.random.Generator, filling: np.random.Generator) -> Filled:
@@ -331,9 +343,9 @@ def _wall_shelf(style: Style, rng: np.random.Generator, filling: np.random.Gener
 
         # what stands on it
         bay = _Bay((-half + 0.01, half), depth - 0.01, level + 0.022, 0.2)
-        more, things = _fill(bay, filling.uniform(0.4, 0.9), style, filling)
+        more, things, _ = _fill(bay, filling.uniform(0.4, 0.9), style, filling)
         parts, loose = parts + [part.moved(y=0.005) for part in more], loose + things
-    return parts, loose
+    return Filled(parts, loose)
 
 
 Maker = Callable[[Style, np.random.Generator, np.random.Generator], Filled]

@@ -78,7 +78,7 @@ def make_cabinet(
     looks = finish or pick_finish(style, rng)
     width = max(min(rng.uniform(*form.width), widest), 0.3)
     size = (width, rng.uniform(*form.depth), rng.uniform(*form.height))
-    return stand("clutter", _cabinet(size, form, looks, rng))
+    return stand("clutter", _cabinet(size, form, looks, rng), "cabinet")
 
 
 def _cabinet(
@@ -188,7 +188,7 @@ def sliding_wardrobe(
         [(-width / 2, inset, 0.0), (-width / 2, inset, height - 0.01)],
         [(width / 2, depth, 0.025), (width / 2, depth, height + 0.02)],
     )
-    return stand("clutter", [*parts, solid(finish.body, rails)])
+    return stand("clutter", [*parts, solid(finish.body, rails)], "cabinet")
 
 
 def built_in(size: tuple[float, float, float], finish: Finish, rng: np.random.Generator) -> Item:
@@ -217,7 +217,7 @@ def built_in(size: tuple[float, float, float], finish: Finish, rng: np.random.Ge
     if low:
         plinth = boxes((-width / 2, 0, 0), (width / 2, depth - 0.05, low))
         parts.append(solid(replace(finish.body, seed=finish.body.seed + 3), plinth))
-    return stand("clutter", [*parts, *opened])
+    return stand("clutter", [*parts, *opened], "cabinet")
 
 
 def cabinet_kind(kind: str) -> Callable[[Style, np.random.Generator], list[Part]]:

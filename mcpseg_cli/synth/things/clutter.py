@@ -8,6 +8,7 @@ import numpy as np
 
 from mcpseg_cli.synth.geometry.shapes import stand
 from mcpseg_cli.synth.geometry.solids import Item, Part
+from mcpseg_cli.synth.home_classes import HOME_OF
 from mcpseg_cli.synth.models.stand_in import stand_in
 from mcpseg_cli.synth.surfaces.styles import Style
 from mcpseg_cli.synth.things import beds, plants
@@ -40,7 +41,7 @@ def make_clutter(kind: str, style: Style, rng: np.random.Generator) -> Item:
         KeyError: There is no such kind.
     """
     model = stand_in("clutter", kind, style, rng)
-    return model or stand("clutter", CLUTTER_KINDS[kind](style, rng))
+    return model or stand("clutter", CLUTTER_KINDS[kind](style, rng), HOME_OF.get(kind, ""))
 
 
 SMALL_THINGS: dict[str, Maker] = {

@@ -64,7 +64,7 @@ def curtain(
     for first, last in spans:
         fold = rng.uniform(0.07, 0.16) * (0.6 + 0.4 * drawn)
         parts.append(solid(cloth, _folds(first, last, drop, fold, rng)))
-    return stand("clutter", parts)
+    return stand("clutter", parts, "curtain")
 
 
 def _folds(
@@ -110,7 +110,7 @@ def louvres(
         sheets.append(surface(grid))
     rail = boxes((-w, 0, height - 0.04), (w, out + 0.03, height))
     parts: list[Part] = [solid(paint((226, 226, 224), rng), rail), solid(cloth, *sheets)]
-    return stand("clutter", parts)
+    return stand("clutter", parts, "curtain")
 
 
 def panel_blind(
@@ -124,4 +124,5 @@ def panel_blind(
         y = y + 0.012 * np.where(np.arange(rows) % 2, 1, -1)
     sheet = surface(np.stack([x, y, z], axis=-1))
     case = boxes((-w, 0, height - 0.07), (w, 0.16, height))
-    return stand("clutter", [solid(paint(cloth.base, rng), case), solid(cloth, sheet)])
+    parts = [solid(paint(cloth.base, rng), case), solid(cloth, sheet)]
+    return stand("clutter", parts, "curtain")

@@ -104,7 +104,7 @@ def base_run(
             (hob - 0.28, 0.07, look.height), (hob + 0.28, look.depth - 0.06, look.height + 0.006)
         )
         parts.append(solid(paint((26, 26, 28), rng, "glass"), plate))
-    return stand("clutter", parts), hob
+    return stand("clutter", parts, "kitchen"), hob
 
 
 def _column(
@@ -173,7 +173,7 @@ def wall_run(width: float, look: KitchenLook, rng: np.random.Generator) -> Item:
     if rng.random() < 0.3:
         edge = boxes((-width / 2, 0, height), (width / 2, depth + 0.02, height + 0.04))
         parts.append(solid(look.upper.front, edge))
-    return stand("clutter", parts)
+    return stand("clutter", parts, "kitchen")
 
 
 def tall_unit(width: float, height: float, look: KitchenLook, rng: np.random.Generator) -> Item:
@@ -187,7 +187,7 @@ def tall_unit(width: float, height: float, look: KitchenLook, rng: np.random.Gen
     else:
         cells = stack(-w, w, _PLINTH, height, (1.0, rng.uniform(0.8, 2.5)))
     parts += front_parts(cells, inset, look.finish, rng)
-    return stand("clutter", parts)
+    return stand("clutter", parts, "kitchen")
 
 
 def hood(style: Style, rng: np.random.Generator) -> list[Part]:
