@@ -7,8 +7,8 @@ Every step is a command of mcpseg; ``--plan`` prints them all and runs none. Wha
 done again, and what was interrupted goes on: run the same command again. ``work/trained`` holds the
 weights with cards and settings at the end, ``work/furniture/CREDITS.md`` the creators to name.
 
-All areas are made with the classes of homes; ``unet`` is trained on them by a table that calls bed,
-cabinet and the like clutter again. Buildings are deleted once they are scanned.
+Buildings for ``unet-home`` are some of those for ``unet``, made again with finer classes. Buildings
+are deleted once they are scanned.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 MODELS = Path(__file__).parent
-ROOMS, SPACING = 16, 0.022
+ROOMS, SPACING, STEP = 16, 0.022, 0.4
 OF_SENSORS = {
     "sphere": ("--noise", "0.004"),
     "depth-camera": ("--scanner", "depth-camera"),
@@ -44,6 +44,7 @@ class Building:
         sensors: It is recorded once by each.
         models: Furnished with models, too.
         style: Another style than its number's.
+        classes: What its objects are named by.
     """
 
     seed: int
@@ -51,17 +52,18 @@ class Building:
     sensors: tuple[str, ...] = ("sphere",)
     models: bool = False
     style: int | None = None
+    classes: str = "s3dis"
 
     @property
     def name(self) -> str:
-        """Seed and number, as folders are named."""
-        return f"seed_{self.seed}/Area_{self.number}"
+        """Classes, seed and number, as folders are named."""
+        return f"{self.classes}/seed_{self.seed}/Area_{self.number}"
 
     def recordings(self) -> Iterator[tuple[str, str]]:
         """Yield sensor and name of each recording; its last figure tells what to hold out."""
         for sensor in self.sensors:
             kind = "seed" if sensor == "sphere" else sensor.split("-")[0]
-            yield sensor, f"{kind}_{self.seed}/Area_{self.number}"
+            yield sensor, f"{self.classes}/{kind}_{self.seed}/Area_{self.number}"
 
 
 BOTH = ("sphere", "depth-camera")
@@ -84,10 +86,17 @@ SECOND = [
     *(Building(11, number, models=True) for number in (3, 4, 5)),
 ]
 HELD_OUT = [Building(9, 9), Building(14, 9, style=17)]
+HOME = [
+    replace(building, classes="home")
+    for building in SECOND
+    if building not in (Building(11, 16), Building(13, 7, models=True))
+    and building.name not in ("s3dis/seed_11/Area_3", "s3dis/seed_11/Area_5")
+]
+HOME_HELD_OUT = [replace(building, classes="home") for building in HELD_OUT]
 TRAININGS = {  # name, areas, settings, what it starts from
-    "unet-base": (OFFICES + FIRST, "unet-base.toml", None),
-    "unet": (OFFICES + SECOND, "unet.toml", "unet-base"),
-    "unet-home": (OFFICES + SECOND, "unet-home.toml", "unet"),
+    "unet-base": (OFFICES + FIRST + HELD_OUT, "unet-base.toml", None),
+    "unet": (OFFICES + SECOND + HELD_OUT, "unet.toml", "unet-base"),
+    "unet-home": (HOME + HOME_HELD_OUT, "unet-home.toml", "unet"),
 }
 
 
@@ -109,7 +118,7 @@ class Maker:
         Raises:
             CalledProcessError: A command failed; it has said why.
         """
-        buildings = list(dict.fromkeys([*OFFICES, *FIRST, *SECOND, *HELD_OUT]))
+        buildings = list(dict.fromkeys(each for areas, *_ in TRAININGS.values() for each in areas))
         if not self.asked.without_models:
             self._fetch_furniture()
         if self.asked.plan:
@@ -138,7 +147,7 @@ class Maker:
             return
         area = self.work / "buildings" / building.name
         words = ["--seed", str(building.seed), "--rooms", str(self.asked.rooms)]
-        words += ["--spacing", str(SPACING), "--classes", "home"]
+        words += ["--spacing", str(SPACING), "--classes", building.classes]
         words += ["--style", str(building.style)] if building.style else []
         if building.models and not self.asked.without_models:
             words += ["--models", str(self.work / "furniture")]
@@ -147,7 +156,14 @@ class Maker:
         for sensor, name in left:
             # under its name once it is whole: an interrupted one is continued where it was
             recording, part = self.work / "scans" / name, self.work / "parts" / name
-            words = ["--step", "0.4", "--voxel-size", "0.05", "--seed", str(building.seed)]
+            words = [
+                "--step",
+                str(self.asked.step),
+                "--voxel-size",
+                "0.05",
+                "--seed",
+                str(building.seed),
+            ]
             words += ["-j", "1", *OF_SENSORS[sensor]]
             self._mcpseg("raytrace", str(area), "-o", str(part), *words)
             if not self.asked.plan:
@@ -160,12 +176,10 @@ class Maker:
         return self.work / "scans" / name
 
     def _train(self, name: str, areas: list[Building], settings: str, start: str | None) -> None:
-        """Train on these areas and validate on the held-out ones."""
-        data = self._gather(name, [*areas, *HELD_OUT])
+        """Train on these areas and validate on those held out, of number 9."""
+        data = self._gather(name, areas)
         words = ["--holdout", "9", "--name", name, "--config", str(MODELS / settings)]
         words += ["-w", str(self.trained / f"{start}.safetensors")] if start else []
-        if name != "unet-home":
-            words += ["--classes", str(MODELS / "home_to_s3dis.csv")]
         words += ["--epochs", str(self.asked.epochs)] if self.asked.epochs else []
         words += ["--precision", self.asked.precision] if self.asked.precision else []
         words += ["--device", self.asked.device, "-j", str(self.asked.workers), "--resume"]
@@ -188,7 +202,7 @@ class Maker:
     def _run(self, words: list[str]) -> None:
         print(shlex.join(words), flush=True)
         if not self.asked.plan:
-            subprocess.run(words, check=True, stdout=sys.stderr)
+            subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
 
 
 def read_command_line(words: list[str] | None = None) -> argparse.Namespace:
@@ -204,6 +218,7 @@ def read_command_line(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--plan", action="store_true", help="print the commands, run none")
     parser.add_argument("--without-models", action="store_true", help="no furniture models")
     parser.add_argument("--rooms", type=int, default=ROOMS, help="of each building")
+    parser.add_argument("--step", type=float, default=STEP, help="metres between two scans")
     parser.add_argument("--epochs", type=int, help="of each training; default: its settings'")
     return parser.parse_args(words)
 
