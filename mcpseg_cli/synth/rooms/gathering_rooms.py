@@ -202,16 +202,16 @@ def furnish_cloakroom(placement: Placement) -> None:
     """Coats along the walls, benches under them, lockers, shoes, umbrellas."""
     holds, style, rng = gathering_rooms().cloakroom, placement.style, placement.rng
     around = float(2 * placement.size.sum())
-    placement.keep_passage(holds.passage)
-    for kind in placement.several(holds.lockers, around):
-        placement.against_wall(make_thing(placement, kind), gap=0.05)
-
     near = None
     for _ in range(int(rng.poisson(holds.coats_per_metre * around))):
         kind = "coat hooks" if placement.chance(holds.bare_hooks) else "coats"
         item, height = make_thing(placement, kind), shared().heights[kind]
         z = rng.uniform(*height)
         near = placement.against_wall(item, z=z, gap=0.002, near=near, turn=0.0, tries=10)
+
+    # under and beside them
+    for kind in placement.several(holds.lockers, around):
+        placement.against_wall(make_thing(placement, kind), gap=0.05)
     for _ in range(placement.times(holds.benches, around)):
         placement.against_wall(make_chair("bench", style, rng), gap=0.05)
     wall_clutter(placement, holds.on_walls, around)

@@ -87,7 +87,6 @@ class Workshop(Record):
 class Cloakroom(Record):
     """Coats along the walls, benches under them, lockers, shoes."""
 
-    passage: Metres
     coats_per_metre: NotNegative
     bare_hooks: Share
     benches: Amount
