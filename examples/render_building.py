@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.building import Building
+from mcpseg_cli.export.colours import class_palette
 from mcpseg_cli.formats.buildings import read_building
 
 mpl.use("Agg")
@@ -110,10 +111,15 @@ def _draw(
 
 def class_colours(building: Building) -> NDArray[np.uint8]:
     """Return the (N, 3) colour of every point's class."""
-    table = np.zeros((256, 3), np.uint8)
+    return class_table(building)[building.semantic]
+
+
+def class_table(building: Building) -> NDArray[np.uint8]:
+    """Return the (256, 3) colours of classes; those that have none here as 'mcpseg export' does."""
+    table = class_palette(building.classes)
     for index, name in enumerate(building.classes):
-        table[index] = CLASS_RGB.get(name, (255, 0, 255))
-    return table[building.semantic]
+        table[index] = CLASS_RGB.get(name, table[index])
+    return table
 
 
 def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
@@ -133,7 +139,8 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     # the classes that are in it
     present = np.unique(building.semantic[rows])
     names = [building.classes[index] for index in present if index < len(building.classes)]
-    colours = ["#{:02x}{:02x}{:02x}".format(*CLASS_RGB[name]) for name in names]
+    table = class_table(building)[present]
+    colours = ["#{:02x}{:02x}{:02x}".format(*rgb) for rgb in table[: len(names)].tolist()]
     legend = [Patch(color=colour, label=name) for colour, name in zip(colours, names, strict=True)]
 
     figure, axes = plt.subplots(1, 2, figsize=(16, 6.8))

@@ -50,7 +50,7 @@ def synth(
         typer.Option(
             min=1,
             metavar="N",
-            help="The style of Area_N: 1-6, 16 offices, 7, 17, 27 homes; default: of this area.",
+            help="The style of Area_N: 1-6, 16 offices, 7, 17, 27 homes, 37 schools; default: N.",
         ),
     ] = None,
     models: Annotated[

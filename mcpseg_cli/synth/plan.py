@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 RoomKind = Literal[
     "hallway", "office", "conferenceRoom", "lounge", "storage", "openspace", "lobby", "pantry",
     "copyRoom", "WC", "livingRoom", "diningRoom", "kitchen", "bedroom", "study", "bathroom",
+    "classRoom", "cafe", "workshop", "cloakroom",
 ]  # fmt: skip
-"""Names as S3DIS uses them, then those of homes; a room is called ``kind_number``."""
+"""Names as S3DIS uses them, those of homes, then of schools; a room is called ``kind_number``."""
 CeilingKind = Literal["acoustic", "plaster", "concrete", "boards"]
 DOUBLE_DOOR_WIDTH = 1.3
 """Wider doors have two leaves, metres."""

@@ -12,7 +12,7 @@ from mcpseg_cli.synth.geometry.solids import area_of
 from mcpseg_cli.synth.plan import Opening, Room
 from mcpseg_cli.synth.rooms.floor_space import FloorSpace
 from mcpseg_cli.synth.rooms.furnish import furnish_room
-from mcpseg_cli.synth.surfaces.catalogue import styles
+from mcpseg_cli.synth.surfaces.catalogue import numbered_styles
 from tests.synth.test_things import STYLE
 
 SIZES = {
@@ -32,6 +32,10 @@ SIZES = {
     "bedroom": (3.4, 4.2),
     "study": (2.8, 3.6),
     "bathroom": (2.4, 3.2),
+    "classRoom": (6.5, 7.5),
+    "cafe": (6.0, 7.0),
+    "workshop": (5.5, 6.5),
+    "cloakroom": (3.2, 4.2),
 }
 CASES = [(kind, seed) for kind in SIZES for seed in (0, 1)] + [
     ("office", seed) for seed in range(2, 7)
@@ -261,7 +265,7 @@ def test_a_hallway_keeps_a_way_of_more_than_a_metre():
 def test_a_corridor_of_a_home_has_no_boards_and_keeps_a_way():
     for seed in (0, 1):
         room = make_room("hallway", seed)
-        items = furnish_room(room, styles()[-1], np.random.default_rng(seed))
+        items = furnish_room(room, numbered_styles()[27], np.random.default_rng(seed))
         assert items
         assert "board" not in {item.name for item in items}
 

@@ -15,7 +15,7 @@ from mcpseg_cli.synth.surfaces.catalogue import style_of, styles
 
 
 def plans():
-    counts = [16, 8, 24, 12, 44, 16, 16, 16, 16, 16] * 2
+    counts = [16, 8, 24, 12, 44, 16, 16, 16, 16, 16, 16] * 2
     pairs = enumerate(zip(styles() * 2, counts, strict=True))
     return [
         (style, plan_area(style, count, np.random.default_rng(seed)))
@@ -175,7 +175,7 @@ def test_styles_come_in_turn_and_differ_from_area_eight_on():
     )
 
 
-def test_homes_have_the_rooms_of_homes_and_offices_have_none_of_them():
+def test_homes_have_the_rooms_of_homes_and_others_have_none_of_them():
     kinds = {style.name: set() for style in styles()}
     for style, rooms in PLANS:
         kinds[style.name] |= {room.kind for room in rooms}

@@ -30,8 +30,12 @@ _WIDTHS: dict[RoomKind, tuple[float, float]] = {
     "bedroom": (2.9, 4.4),
     "study": (2.4, 3.6),
     "bathroom": (1.9, 2.8),
+    "classRoom": (6.0, 9.0),
+    "cafe": (5.5, 9.0),
+    "workshop": (5.0, 8.5),
+    "cloakroom": (2.6, 5.0),
 }
-_SHALLOW = ("storage", "copyRoom", "pantry", "WC", "bathroom", "kitchen")
+_SHALLOW = ("storage", "copyRoom", "pantry", "WC", "bathroom", "kitchen", "cloakroom")
 _AT_MOST: dict[RoomKind, tuple[int, int]] = {
     "openspace": (1, 9),
     "storage": (2, 12),
@@ -40,13 +44,13 @@ _AT_MOST: dict[RoomKind, tuple[int, int]] = {
     "bathroom": (1, 8),
     "study": (1, 8),
     "kitchen": (1, 6),
+    "cafe": (1, 8),
+    "cloakroom": (1, 6),
 }
 """So many, and another for every so many rooms of any kind."""
-
-
 _WIDE = ("openspace", "lobby")
-_WITH_DOUBLE_DOORS = ("openspace", "lobby", "lounge", "conferenceRoom")
-_WITH_HIGH_CEILINGS = ("lobby", "lounge", "openspace")
+_WITH_DOUBLE_DOORS = ("openspace", "lobby", "lounge", "conferenceRoom", "cafe", "workshop")
+_WITH_HIGH_CEILINGS = ("lobby", "lounge", "openspace", "cafe", "workshop")
 _AT_TIMES_CLOSED = ("office", "storage", "WC", "conferenceRoom", "copyRoom")
 
 

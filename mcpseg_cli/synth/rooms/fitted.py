@@ -18,9 +18,18 @@ _WITH_RUNS: dict[RoomKind, float] = {
     "bedroom": 0.75, "hallway": 0.7, "study": 0.4, "livingRoom": 0.3, "diningRoom": 0.3,
     "bathroom": 0.15, "office": 0.5, "conferenceRoom": 0.45, "storage": 0.5, "openspace": 0.4,
     "copyRoom": 0.6, "lounge": 0.3, "lobby": 0.3,
+    "classRoom": 0.35, "cloakroom": 0.3, "workshop": 0.2,
 }  # fmt: skip
 """How often a room has cabinets fitted to a wall in a building full of them."""
-_NO_CURTAINS: tuple[RoomKind, ...] = ("hallway", "bathroom", "WC", "storage", "copyRoom")
+_NO_CURTAINS: tuple[RoomKind, ...] = (
+    "hallway",
+    "bathroom",
+    "WC",
+    "storage",
+    "copyRoom",
+    "cloakroom",
+    "workshop",
+)
 _CLEAR = 0.004  # metres between what is fitted and the walls
 
 

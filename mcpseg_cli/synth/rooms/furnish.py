@@ -11,13 +11,14 @@ from mcpseg_cli.synth.geometry.solids import Item
 from mcpseg_cli.synth.models.library import TABLE, Models
 from mcpseg_cli.synth.plan import Room, RoomKind
 from mcpseg_cli.synth.rooms import (
+    gathering_rooms,
     kitchens,
     living_rooms,
     private_rooms,
     public_rooms,
     work_rooms,
 )
-from mcpseg_cli.synth.rooms.contents import homes, public, shared, work
+from mcpseg_cli.synth.rooms.contents import gathering, homes, public, shared, work
 from mcpseg_cli.synth.rooms.fitted import fit_walls
 from mcpseg_cli.synth.rooms.placement import Placement
 from mcpseg_cli.synth.surfaces.materials import Material
@@ -45,6 +46,10 @@ _ROOMS: dict[RoomKind, Callable[[Placement], None]] = {
     "bedroom": private_rooms.furnish_bedroom,
     "study": private_rooms.furnish_study,
     "bathroom": private_rooms.furnish_bathroom,
+    "classRoom": gathering_rooms.furnish_class_room,
+    "cafe": gathering_rooms.furnish_cafe,
+    "workshop": gathering_rooms.furnish_workshop,
+    "cloakroom": gathering_rooms.furnish_cloakroom,
 }
 
 KINDS: dict[str, tuple[str, ...]] = {
@@ -71,6 +76,7 @@ def check_contents(models: Models | None = None) -> None:
     """
     for read in (shared.shared, work.work_rooms, public.public_rooms, homes.homes):
         read()
+    gathering.gathering_rooms()
     if models is not None:
         _check_kinds(models)
 
