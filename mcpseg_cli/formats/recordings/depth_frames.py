@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
+from PIL import Image
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
@@ -211,15 +212,10 @@ def read_colour(path: Path) -> NDArray[np.uint8]:
     """Read a colour image: (H, W, 3) uint8.
 
     Raises:
-        InputError: Damaged, or not of 8 bits.
+        InputError: Damaged.
         OSError: It cannot be opened.
     """
-    image = read_image(path)
-    if image.dtype != np.uint8:
-        found = f"an image of {image.dtype}"
-        raise InputError(path, found, "colours of 8 bits", "export it again")
-    colour = image.astype(np.uint8).reshape(*image.shape[:2], -1)
-    return np.repeat(colour, 3, axis=2) if colour.shape[2] < 3 else colour[:, :, :3]
+    return _read(path, "RGB").astype(np.uint8, copy=False)
 
 
 def read_image(path: Path) -> NDArray[np.generic]:
@@ -229,10 +225,15 @@ def read_image(path: Path) -> NDArray[np.generic]:
         InputError: Damaged.
         OSError: It cannot be opened.
     """
-    with path.open("rb"):
-        pass  # Open3D does not say why it cannot
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        image = np.asarray(o3d.io.read_image(str(path)))
-    if image.size == 0:
-        raise InputError(path, "no image", "a whole PNG or JPEG", "copy it again")
-    return image
+    return _read(path, None)
+
+
+def _read(path: Path, mode: str | None) -> NDArray[np.generic]:
+    """Read an image through Pillow, which Open3D brings: of its own reader, damage is the end."""
+    with path.open("rb") as file:
+        try:
+            with Image.open(file) as image:
+                return np.asarray(image if mode is None else image.convert(mode))
+        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+            found = f"no whole image ({' '.join(str(error).split())[:60]})"
+            raise InputError(path, found, "a PNG or JPEG", "copy it again") from error
