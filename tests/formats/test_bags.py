@@ -10,6 +10,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recording import Recording, TopicChoice, open_recording, read_scan
 from tests import containers
 from tests.containers import WALK, Message, Sweep
+from tests.formats.test_rgbd import MATRIX, colour_image, depth_image, write_scannet
 
 WriteBag = Callable[[Path, Sequence[Message]], Path]
 WRITERS: dict[str, tuple[str, WriteBag]] = {
@@ -40,7 +41,7 @@ def write_small(folder: Path, messages: Sequence[Message]) -> Path:
 @pytest.fixture(scope="session")
 def walk() -> list[Sweep]:
     """The first scans of the example walk, in the sensor's frame."""
-    return containers.sweeps_of(WALK / "scans", WALK / "poses.csv", 3)
+    return containers.sweeps_of(WALK / "scans", WALK / "poses.csv", 2)
 
 
 @pytest.fixture
@@ -147,6 +148,37 @@ def test_a_cloud_without_coordinates_is_refused_with_its_fields(small, tmp_path)
     (source,) = open_recording(write_small(tmp_path, [containers.odometry(small[0]), cloud]))
     with pytest.raises(InputError, match="without y, z, of x, range"):
         source.read()
+
+
+def test_depth_images_are_unprojected_as_those_of_a_folder_are(small, tmp_path):
+    folder = open_recording(write_scannet(tmp_path / "folder"))
+    messages = []
+    for number, one in enumerate(small[:2]):
+        depth = np.rint(1000 * depth_image(number)).astype("<u2")
+        colour = containers.image(
+            colour_image(number), "rgb8", one.stamp_ns + 1000, "/camera/color/image_raw"
+        )
+        messages += [
+            containers.odometry(one, child="camera"),
+            containers.camera_info(MATRIX, one.stamp_ns, "/camera/depth/camera_info"),
+            containers.camera_info(2 * MATRIX, one.stamp_ns, "/camera/color/camera_info"),
+            containers.image(depth, "16UC1", one.stamp_ns, "/camera/depth/image_raw"),
+            colour,
+        ]
+    recording = open_recording(write("ROS 1 bag", tmp_path, messages))
+    assert recording.frame == "sensor"
+    for source, expected in zip(recording, folder, strict=True):
+        np.testing.assert_array_equal(source.read().xyz, expected.read().xyz)
+        np.testing.assert_array_equal(source.read().rgb, expected.read().rgb)
+        assert source.is_still(source.fingerprint())
+
+
+def test_depth_images_without_camera_info_are_refused(small, tmp_path):
+    depth = containers.image(
+        np.ones((4, 4), "<f4"), "32FC1", small[0].stamp_ns, "/camera/depth/image_raw"
+    )
+    said = refusal(write_small(tmp_path, [containers.odometry(small[0]), depth]))
+    assert "camera_info on no topic; expected it on /camera/depth/camera_info" in said
 
 
 # --- where the sensor was ---

@@ -73,9 +73,8 @@ class McapBag:
                     channel.message_encoding,
                     counts.get(channel.topic, 0),
                 )
-        self._stores = {
-            encoding: self._make_store(encoding, store) for encoding, store in _STORES.items()
-        }
+        used = {topic.encoding for topic in self.topics.values()} & set(_STORES)
+        self._stores = {encoding: self._make_store(encoding) for encoding in sorted(used)}
 
     def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
         """Iterate over the messages of some topics, as they were written."""
@@ -138,9 +137,9 @@ class McapBag:
                     return
                 yield offset, record
 
-    def _make_store(self, encoding: str, fallback: Stores) -> Typestore:
+    def _make_store(self, encoding: str) -> Typestore:
         """Make a store of the message types that the files describe, else of the usual ones."""
-        types: Typesdict = dict(get_typestore(fallback).fielddefs)
+        types: Typesdict = {}
         for path, known in zip(self._paths, self._known, strict=True):
             wanted = {
                 channel.schema_id
@@ -149,6 +148,11 @@ class McapBag:
             }
             for schema in [known.schemas[one] for one in sorted(wanted) if one in known.schemas]:
                 types.update(_types_of(path, schema))
+        described = set(types)
+        if any(
+            one.encoding == encoding and one.type not in described for one in self.topics.values()
+        ):
+            types = {**get_typestore(_STORES[encoding]).fielddefs, **types}
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         return store
