@@ -105,6 +105,8 @@ def _list_folder(path: Path) -> Recording:
             inner = _list_folder(path / name)
             table = read_poses(poses[0])
             paired = inner.with_poses(_pair(poses[0], inner, table))
+            if name == "velodyne":
+                paired = paired.in_frame("sensor")
             note = f"{POSES_NOTE}{poses[0].name}, scans: {name}/"
             return replace(paired, path=path, notes=(note,))
 

@@ -49,6 +49,10 @@ class ScanFile:
         """Return the same scan with another pose."""
         return replace(self, pose=pose)
 
+    def in_frame(self, frame: Frame) -> ScanFile:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
     def read(self) -> Cloud:
         """Read its points, see ``read_cloud``."""
         return read_cloud(self.path)

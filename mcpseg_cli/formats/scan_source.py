@@ -45,6 +45,9 @@ class ScanSource(Protocol):
     def with_pose(self, pose: NDArray[np.float64] | None) -> ScanSource:
         """Return the same scan with another pose."""
 
+    def in_frame(self, frame: Frame) -> ScanSource:
+        """Return the same scan, known to be in a frame."""
+
     def read(self) -> Cloud:
         """Read its points.
 
@@ -109,6 +112,10 @@ class Recording(Sequence[ScanSource]):
         """The frame of all its scans, where its kind says so."""
         frames = {source.frame for source in self.scans}
         return frames.pop() if len(frames) == 1 else None
+
+    def in_frame(self, frame: Frame) -> Recording:
+        """Return the same scans, known to be in a frame."""
+        return replace(self, scans=tuple(source.in_frame(frame) for source in self.scans))
 
     def with_poses(self, poses: Iterable[NDArray[np.float64] | None]) -> Recording:
         """Return the same scans with other poses, one each."""

@@ -2,17 +2,19 @@
 
 import json
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.cli.segment import default_output
 from mcpseg_cli.formats import read_cloud
 from tests import containers
 from tests.commands import invoke, segment
 from tests.containers import Message, Sweep
-from tests.formats.test_rgbd import write_scannet
+from tests.formats.test_rgbd import write_depth, write_image, write_scannet
 
 
 def messages(sweeps: list[Sweep]) -> list[Message]:
@@ -208,3 +210,50 @@ def test_results_never_go_into_the_recording(here):
     (here / "run1").mkdir()
     assert default_output(Path()) == here.parent / "here-labelled"
     assert default_output(here.parent) == here.parent.parent / f"{here.parent.name}-labelled"
+
+
+# --- depth images of the example walk ---
+
+
+def rgbd_of_walk(folder: Path) -> tuple[Path, tuple[Path, Path]]:
+    """Look at each scan of the walk through four cameras: as depth images, and as PLY."""
+    width, height = 1280, 960
+    matrix = np.array([[640.0, 0, 639.5], [0, 480.0, 479.5], [0, 0, 1]])
+    ahead = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # a camera's axes, looking along x
+    walk = containers.sweeps_of(containers.WALK / "scans", containers.WALK / "poses.csv", 2)
+    seen = []
+    (folder / "room/pose").mkdir(parents=True)
+    for number, (sweep, yaw) in enumerate(product(walk, (0, 90, 180, 270))):
+        camera = Rotation.from_euler("z", yaw, degrees=True).as_matrix() @ ahead
+        xyz = sweep.xyz.astype(float) @ camera
+        column, row = np.rint(xyz[:, :2] * np.diag(matrix)[:2] / xyz[:, 2:] + matrix[:2, 2]).T
+        inside = (xyz[:, 2] > 0.3) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+
+        # the nearest point of each pixel
+        nearest = np.full((height, width), -1)
+        order = np.flatnonzero(inside)[np.argsort(-xyz[inside, 2])]
+        nearest[row[order].astype(int), column[order].astype(int)] = order
+        depth = np.where(nearest < 0, 0, xyz[nearest, 2])
+        write_depth(folder / f"room/depth/{number:06d}.png", depth)
+        write_image(folder / f"room/color/{number:06d}.png", sweep.rgb[nearest])
+
+        pose = containers.pose_of(sweep)
+        pose[:3, :3] = pose[:3, :3] @ camera
+        np.savetxt(folder / f"room/pose/{number:06d}.txt", pose)
+        turn = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        points = nearest[nearest >= 0]
+        seen.append(Sweep(0, xyz[points].astype(np.float32), sweep.rgb[points], pose[:3, 3], turn))
+    np.savetxt(folder / "room/intrinsics.txt", matrix)
+    return folder / "room", containers.write_folder(folder / "input", seen)
+
+
+def test_depth_images_of_the_walk_get_the_labels_of_its_points_within_1_percent(tmp_path):
+    room, folder = rgbd_of_walk(tmp_path)
+    assert invoke("segment", room, "-o", tmp_path / "a").exit_code == 0
+    assert segment(folder, tmp_path / "b", "--frame", "sensor").exit_code == 0
+    ours, theirs = (
+        np.concatenate([read_cloud(path).label("semantic") for path in sorted(scans.iterdir())])
+        for scans in (tmp_path / "a/scans", tmp_path / "b/scans")
+    )
+    assert len(ours) > 4000
+    assert (ours == theirs).mean() > 0.99

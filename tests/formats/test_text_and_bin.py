@@ -132,6 +132,7 @@ def test_scans_with_their_poses_beside_are_a_recording(name, poses, tmp_path):
     (tmp_path / poses).write_text(lines[poses])
     (source,) = open_recording(tmp_path)
     assert (source.name, source.pose[0, 3]) == ("0.xyz", 7)
+    assert source.frame == ("sensor" if name == "velodyne" else None)
 
 
 def test_clouds_without_poses_need_a_pose_file(tmp_path):

@@ -158,6 +158,10 @@ class BagScan:
         """Return the same scan with another pose."""
         return replace(self, pose=pose)
 
+    def in_frame(self, frame: Frame) -> BagScan:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
     def read(self) -> Cloud:
         """Read its points; those without coordinates or depth are dropped."""
         depth, colour = self._messages()

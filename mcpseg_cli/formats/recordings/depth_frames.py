@@ -93,6 +93,10 @@ class DepthFrame:
         """Return the same frame with another pose."""
         return replace(self, pose=pose)
 
+    def in_frame(self, frame: Frame) -> DepthFrame:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
     def read(self) -> Cloud:
         """Unproject it; its points are those pixels that have a depth, row by row."""
         depth = read_depth(self.path)

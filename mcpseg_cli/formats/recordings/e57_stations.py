@@ -48,6 +48,10 @@ class E57Station:
         """Return the same station with another pose."""
         return replace(self, pose=pose)
 
+    def in_frame(self, frame: Frame) -> E57Station:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
     def read(self) -> Cloud:
         """Read its points; those without a valid return are dropped."""
         with _opened(self.path) as file:

@@ -50,6 +50,10 @@ class PtxStation:
         """Return the same station with another pose."""
         return replace(self, pose=pose)
 
+    def in_frame(self, frame: Frame) -> PtxStation:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
     def read(self) -> Cloud:
         """Read its points; those without a return, which are written as zeros, are dropped."""
         table = parse_numbers(self.path, self._content().decode("ascii", "replace").splitlines())
