@@ -60,7 +60,7 @@ def open_recording(
             the two counts, a position too far out, topics to choose from.
         OSError: A file cannot be opened.
     """
-    recording = list_recording(path, topics)
+    recording = list_recording(path, topics, has_pose_file=poses_path is not None)
     found_frame = recording.frame or frame
     if {source.frame for source in recording} == {None, "sensor"} and frame == "map":
         found = "scans of stations among clouds that say nothing of their frame"
@@ -77,18 +77,21 @@ def open_recording(
     return recording
 
 
-def list_recording(path: Path, topics: TopicChoice = _ANY_TOPIC) -> Recording:
+def list_recording(
+    path: Path, topics: TopicChoice = _ANY_TOPIC, *, has_pose_file: bool = False
+) -> Recording:
     """Find the scans of a recording, with the poses that it holds, if any.
 
     Args:
         path: As for ``open_recording``.
         topics: As for ``open_recording``.
+        has_pose_file: Whether poses are given beside it, see ``open_container``.
 
     Raises:
         InputError: It is none, or damaged.
         OSError: A file cannot be opened.
     """
-    container = open_container(path, topics)
+    container = open_container(path, topics, has_pose_file=has_pose_file)
     if container is None:
         container = _list_folder(path)
     check_names(path, container.scans)

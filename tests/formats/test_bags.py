@@ -110,6 +110,22 @@ def test_scans_are_read_again_in_any_order_and_known_by_their_content(kind, smal
     assert still == [True, True, False, True]
 
 
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_file_of_a_ros_2_bag_is_one_by_itself(storage, small, tmp_path):
+    bag = containers.write_ros2_bag(tmp_path / "walk", both(small), storage)
+    (file,) = (path for path in bag.iterdir() if path.suffix in (".db3", ".mcap"))
+    assert len(open_recording(file)) == 4
+    (bag / "metadata.yaml").unlink()  # as of a recorder that was killed
+    assert len(open_recording(bag)) == 4
+
+
+def test_a_folder_of_clouds_with_a_pose_file_is_one_whatever_else_is_there(small, tmp_path):
+    scans, poses = containers.write_folder(tmp_path / "folder", small)
+    write_small(scans, both(small))
+    assert open_recording(scans, poses).kind == "folder of scans (ply)"
+    assert open_recording(scans).kind == "MCAP file"
+
+
 def test_scans_are_named_by_their_time(small, tmp_path):
     recording = open_recording(write_small(tmp_path, both(small)))
     assert [source.name for source in recording][:2] == [
@@ -171,6 +187,20 @@ def test_depth_images_are_unprojected_as_those_of_a_folder_are(small, tmp_path):
         np.testing.assert_array_equal(source.read().xyz, expected.read().xyz)
         np.testing.assert_array_equal(source.read().rgb, expected.read().rgb)
         assert source.is_still(source.fingerprint())
+
+
+def test_colours_of_another_camera_are_not_used(small, tmp_path):
+    one = small[0]
+    depth = np.rint(1000 * depth_image(0)).astype("<u2")
+    messages = [
+        containers.odometry(one, child="camera"),
+        containers.camera_info(MATRIX, one.stamp_ns, "/depth/camera_info"),
+        containers.image(depth, "16UC1", one.stamp_ns, "/depth/image_raw"),
+        containers.image(colour_image(0), "rgb8", one.stamp_ns, "/color/image_raw", "color"),
+    ]
+    recording = open_recording(write_small(tmp_path, messages))
+    assert recording[0].read().rgb is None
+    assert "no colours: /color/image_raw: none of the frame" in recording.notes[-1]
 
 
 def test_depth_images_without_camera_info_are_refused(small, tmp_path):

@@ -5,18 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.scan_files import STATION_SUFFIXES
 from mcpseg_cli.formats.scan_source import Recording, TopicChoice
 
 _BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 
 
-def open_container(path: Path, topics: TopicChoice) -> Recording | None:
+def open_container(
+    path: Path, topics: TopicChoice, *, has_pose_file: bool = False
+) -> Recording | None:
     """Open a recording by what it is: a bag, a file of stations, a folder of depth images.
 
     Args:
         path: What the user named.
         topics: Which topics of a bag to take.
+        has_pose_file: Whether poses are given beside it: then a folder with clouds in it is one of
+            clouds, whatever else there is.
 
     Returns:
         Its scans; None for a folder that is none of these.
@@ -27,7 +32,7 @@ def open_container(path: Path, topics: TopicChoice) -> Recording | None:
     """
     if path.is_file():
         return _open_file(path, topics)
-    if not path.is_dir():
+    if not path.is_dir() or (has_pose_file and _has_clouds(path)):
         return None
     if bags := _bags_of(path):
         return _open_bags(path, bags, topics)
@@ -49,6 +54,10 @@ def _open_file(path: Path, topics: TopicChoice) -> Recording:
         f"a folder of scans, or a file ending in {', '.join((*STATION_SUFFIXES, *_BAG_SUFFIXES))}"
     )
     raise InputError(path, "a file", expected, "name the folder that it lies in")
+
+
+def _has_clouds(path: Path) -> bool:
+    return any(file.suffix.lower() in CLOUD_SUFFIXES for file in path.iterdir())
 
 
 def _bags_of(path: Path) -> list[Path]:

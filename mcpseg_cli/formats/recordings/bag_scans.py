@@ -77,7 +77,7 @@ class DepthReader:
 
 
 class Colours:
-    """Colour images of the camera that the depth images are of: the only topic that has any.
+    """Colour images registered to the depth images: of the same frame, on the only such topic.
 
     Args:
         path: The bag, for messages.
@@ -91,25 +91,24 @@ class Colours:
 
     def __init__(self, path: Path, bag: BagFiles, depth_topic: str) -> None:
         self._path, self._bag = path, bag
+        depth = self._first(depth_topic)
         images = [
-            topic.name
+            (topic.name, self._first(topic.name))
             for topic in bag.topics.values()
             if topic.type == ros.IMAGE and topic.name != depth_topic and topic.count
         ]
-        images = [name for name in images if self._has_colour(name)]
-        self.topic = images[0] if len(images) == 1 else ""
-        self.notes: tuple[str, ...] = (
-            (f"colours: {self.topic}, where it is as large as depth",)
-            if self.topic
-            else (f"no colours: images on {len(images)} topics",)
-        )
+        colours = [(name, one) for name, one in images if one.encoding in ros.COLOUR_ENCODINGS]
+        same = [name for name, one in colours if _place(one) == _place(depth)]
+        self.topic = same[0] if len(same) == 1 else ""
+        self.notes: tuple[str, ...] = (f"colours: {self.topic}",) if self.topic else ()
+        if colours and not self.topic:
+            names = ", ".join(name for name, _ in colours)
+            why = "several of its camera" if same else "none of the frame and size of the depth"
+            self.notes = (f"no colours: {names}: {why}",)
         self._places: list[tuple[int, Place]] = []
 
-    def _has_colour(self, name: str) -> bool:
-        first = next(iter(self._bag.messages([name])), None)
-        if first is None:
-            return False
-        return cast(ros.Image, self._bag.decode(first)).encoding in ros.COLOUR_ENCODINGS
+    def _first(self, name: str) -> ros.Image:
+        return cast(ros.Image, self._bag.decode(next(iter(self._bag.messages([name])))))
 
     def add(self, raw: RawMessage) -> None:
         """Take note of a message, if it is a colour image."""
@@ -129,6 +128,11 @@ class Colours:
         if raw is None:
             return None
         return ros.colour_of(self._path, cast(ros.Image, self._bag.decode(raw)))
+
+
+def _place(image: ros.Image) -> tuple[str, int, int]:
+    """Return what images of one camera, or registered to it, have in common."""
+    return image.header.frame_id.lstrip("/"), image.height, image.width
 
 
 @dataclass(frozen=True, eq=False)

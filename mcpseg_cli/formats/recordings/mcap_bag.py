@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -11,8 +13,10 @@ from typing import BinaryIO
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.summary import Summary
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import (
     Stores,
@@ -61,9 +65,7 @@ class McapBag:
         self._chunk: tuple[tuple[int, int], list[McapRecord]] | None = None
         self.topics: dict[str, Topic] = {}
         self.notes: tuple[str, ...] = ()
-        counts: dict[str, int] = {}
-        for _, channel, _ in self._all_messages():
-            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+        counts = self._count()
         for known in self._known:
             for channel in known.channels.values():
                 schema = known.schemas.get(channel.schema_id)
@@ -75,6 +77,19 @@ class McapBag:
                 )
         used = {topic.encoding for topic in self.topics.values()} & set(_STORES)
         self._stores = {encoding: self._make_store(encoding) for encoding in sorted(used)}
+
+    def _count(self) -> Counter[str]:
+        """Count the messages of all topics: by the summaries of the files, else by a look."""
+        summaries = [_summary(path) for path in self._paths]
+        if None in summaries:
+            return Counter(channel.topic for _, channel, _ in self._all_messages())
+        counts: Counter[str] = Counter()
+        for known, summary in zip(self._known, summaries, strict=True):
+            if summary is not None and summary.statistics is not None:
+                known.channels, known.schemas = dict(summary.channels), dict(summary.schemas)
+                for number, count in summary.statistics.channel_message_counts.items():
+                    counts[known.channels[number].topic] += count
+        return counts
 
     def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
         """Iterate over the messages of some topics, as they were written."""
@@ -156,6 +171,20 @@ class McapBag:
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         return store
+
+
+def _summary(path: Path) -> Summary | None:
+    """Read the summary of a file; None where it has none, or none of all channels."""
+    with path.open("rb") as file:
+        try:
+            summary = make_reader(file).get_summary()
+        except (McapError, struct.error, ValueError, KeyError):
+            return None  # cut short, or no MCAP, which a look at all of it tells
+    if summary is None or summary.statistics is None:
+        return None
+    counted = summary.statistics.channel_message_counts
+    is_whole = set(counted) <= set(summary.channels) and sum(counted.values()) > 0
+    return summary if is_whole and summary.schemas else None
 
 
 def _types_of(path: Path, schema: Schema) -> Typesdict:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Collection, Iterator, Sequence
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from weakref import finalize
@@ -12,6 +13,7 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError as Reader1Error
 from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings.bag_files import Place, RawMessage, Topic
@@ -40,7 +42,7 @@ class RosBag:
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
         self._path = path
         try:
-            self._reader = AnyReader(files, default_typestore=get_typestore(Stores.LATEST))
+            self._reader = AnyReader(files, default_typestore=_usual_types())
             self._reader.open()
         except _DAMAGE as error:
             raise _refusal(path, error) from error
@@ -86,6 +88,12 @@ class RosBag:
     def decode(self, raw: RawMessage) -> object:
         """Make a message of its bytes, see ``BagFiles.decode``."""
         return self._reader.deserialize(raw.data, self.topics[raw.topic].type)
+
+
+@cache
+def _usual_types() -> Typestore:
+    """Make the message types of ROS 2, for bags from before these were written into them."""
+    return get_typestore(Stores.LATEST)
 
 
 def _refusal(path: Path, error: BaseException) -> InputError:
