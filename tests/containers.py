@@ -284,7 +284,12 @@ def write_ros2_bag(folder: Path, messages: Sequence[Message], storage: str = "sq
 
 
 def write_mcap(
-    path: Path, messages: Sequence[Message], encoding: str = "cdr", *, chunked: bool = True
+    path: Path,
+    messages: Sequence[Message],
+    encoding: str = "cdr",
+    *,
+    chunked: bool = True,
+    describes_types: bool = True,
 ) -> Path:
     """Write an MCAP file through the mcap library, its messages in ROS 1's form or CDR."""
     is_ros1 = encoding == "ros1"
@@ -298,7 +303,9 @@ def write_mcap(
                 text, _ = store.generate_msgdef(one.type, ros_version=1 if is_ros1 else 2)
                 name = one.type.replace("/msg/", "/") if is_ros1 else one.type
                 schema = writer.register_schema(
-                    name, "ros1msg" if is_ros1 else "ros2msg", text.encode()
+                    name,
+                    "ros1msg" if is_ros1 else "ros2msg",
+                    text.encode() if describes_types else b"",
                 )
                 known[one.topic] = writer.register_channel(one.topic, encoding, schema)
             raw = (store.serialize_ros1 if is_ros1 else store.serialize_cdr)(

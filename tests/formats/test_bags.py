@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recording import Recording, TopicChoice, open_recording, read_scan
@@ -235,6 +236,15 @@ def test_transforms_lead_from_the_map_to_the_sensor(kind, small, tmp_path):
     assert "poses: transforms map → base_link → lidar" in recording.notes
 
 
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_types_that_a_file_does_not_describe_are_the_usual_ones(encoding, small, tmp_path):
+    transforms, expected = tf_chain(small)
+    messages = [*transforms, *(containers.cloud(one) for one in small)]
+    path = tmp_path / "walk.mcap"
+    bag = containers.write_mcap(path, messages, encoding, describes_types=False)
+    np.testing.assert_allclose(poses_of(open_recording(bag)), expected, atol=1e-12)
+
+
 def test_odometry_goes_on_where_fixed_transforms_end(small, tmp_path):
     transforms, expected = tf_chain(small)
     odometry = [containers.odometry(one, child="base_link") for one in small]
@@ -349,8 +359,6 @@ def test_a_frame_with_two_parents_is_refused(small, tmp_path):
 
 
 def test_messages_of_other_encodings_are_refused_with_what_they_are(tmp_path):
-    from mcap.writer import Writer
-
     with (tmp_path / "foxglove.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start()
@@ -360,6 +368,18 @@ def test_messages_of_other_encodings_are_refused_with_what_they_are(tmp_path):
         writer.finish()
     said = refusal(tmp_path / "foxglove.mcap")
     assert "/lidar (foxglove.PointCloud, encoded protobuf)" in said
+
+
+def test_a_message_that_is_not_of_its_type_is_refused(tmp_path):
+    bag = tmp_path / "walk.mcap"
+    with bag.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("sensor_msgs/msg/PointCloud2", "ros2msg", b"")
+        channel = writer.register_channel("/points", "cdr", schema)
+        writer.add_message(channel, 0, b"\0\1\0\0\7", 0)
+        writer.finish()
+    assert "a message on /points that is no sensor_msgs/msg/PointCloud2" in refusal(bag)
 
 
 def test_a_bag_without_clouds_is_refused_with_its_topics(small, tmp_path):

@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from struct import error as StructError
 from typing import Protocol
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError
+
+from mcpseg_cli.errors import InputError
+
+NOT_DECODED = (
+    SerdeError, TypesysError, StructError, AssertionError, IndexError, KeyError, TypeError,
+    ValueError,
+)  # fmt: skip
+"""What decoding a message raises that is not what its type says."""
 
 Place = tuple[int, int, int]
 """Where a message lies: file or connection, offset or time, and which of those there."""
@@ -69,3 +82,10 @@ def ros_type(name: str) -> str:
     """Spell a type as ROS 2 does: ``nav_msgs/Odometry`` becomes ``nav_msgs/msg/Odometry``."""
     package, _, rest = name.partition("/")
     return name if not rest or rest.startswith("msg/") else f"{package}/msg/{rest}"
+
+
+def undecoded(path: Path, topic: Topic, error: BaseException) -> InputError:
+    """Say in one line that a message cannot be decoded."""
+    said = " ".join(str(error).split())[:60] or type(error).__name__
+    found = f"a message on {topic.name} that is no {topic.type} ({said})"
+    return InputError(path, found, "messages as their types say", "record it again")

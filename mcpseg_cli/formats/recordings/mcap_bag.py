@@ -28,11 +28,19 @@ from rosbags.typesys import (
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.recordings.bag_files import Place, RawMessage, Topic, ros_type
+from mcpseg_cli.formats.recordings.bag_files import (
+    NOT_DECODED,
+    Place,
+    RawMessage,
+    Topic,
+    ros_type,
+    undecoded,
+)
 
 _MAGIC = b"\x89MCAP0\r\n"
 _DATA = {int(Opcode.SCHEMA), int(Opcode.CHANNEL), int(Opcode.MESSAGE), int(Opcode.CHUNK)}
 _END = {int(Opcode.DATA_END), int(Opcode.FOOTER)}
+_TF = "geometry_msgs/TransformStamped[] transforms\n"  # which ROS 1 has in a package of its own
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.LATEST}
 
 
@@ -116,9 +124,12 @@ class McapBag:
         """Make a message of its bytes, see ``BagFiles.decode``."""
         topic = self.topics[raw.topic]
         store = self._stores[topic.encoding]
-        if topic.encoding == "ros1":
-            return store.deserialize_ros1(raw.data, topic.type)
-        return store.deserialize_cdr(raw.data, topic.type)
+        is_ros1 = topic.encoding == "ros1"
+        try:
+            deserialize = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+            return deserialize(raw.data, topic.type)
+        except NOT_DECODED as error:
+            raise undecoded(self._paths[raw.place[0]], topic, error) from error
 
     def _all_messages(self) -> Iterator[tuple[Place, Channel, Message]]:
         """Iterate over all messages, taking note of what they refer to."""
@@ -167,7 +178,8 @@ class McapBag:
         if any(
             one.encoding == encoding and one.type not in described for one in self.topics.values()
         ):
-            types = {**get_typestore(_STORES[encoding]).fielddefs, **types}
+            usual = get_typestore(_STORES[encoding]).fielddefs
+            types = {**get_types_from_msg(_TF, "tf2_msgs/msg/TFMessage"), **usual, **types}
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         return store

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.recordings.bag_files import Place, RawMessage, Topic
+from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
 
 _DAMAGE = (
     AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, sqlite3.Error,
@@ -87,7 +87,11 @@ class RosBag:
 
     def decode(self, raw: RawMessage) -> object:
         """Make a message of its bytes, see ``BagFiles.decode``."""
-        return self._reader.deserialize(raw.data, self.topics[raw.topic].type)
+        topic = self.topics[raw.topic]
+        try:
+            return self._reader.deserialize(raw.data, topic.type)
+        except (*NOT_DECODED, AnyReaderError) as error:
+            raise undecoded(self._path, topic, error) from error
 
 
 @cache
