@@ -16,6 +16,7 @@ import numpy as np
 
 from mcpseg_cli.config import OFFLINE_BLOCK, SampleSettings
 from mcpseg_cli.formats import Cloud, write_cloud
+from mcpseg_cli.formats.scan_source import pose_of
 from mcpseg_cli.incremental.offline import nearest_height, split_blocks
 from mcpseg_cli.train.replay import Replay
 
@@ -39,7 +40,7 @@ def write_columns(area: Path, output: Path) -> int:
     replay = Replay(area, SampleSettings(num_context=1, seen_again=0))
     for _ in replay.run():
         pass
-    positions = np.array([scan.pose[:3, 3] for scan in replay.scans])
+    positions = np.array([pose_of(scan)[:3, 3] for scan in replay.scans])
 
     # every column as a scan
     for name in ("scans", "gt"):

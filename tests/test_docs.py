@@ -121,7 +121,7 @@ def test_command_lines_parse(page):
 @pytest.mark.parametrize(
     ("line", "complaint"),
     [
-        ("segment scans/ -o out/", "Missing"),
+        ("segment -o out/", "Missing"),
         ("eval out/ gt/ --cvs", "No such option"),
         ("train --net mcpnett", "mcpnett"),
     ],

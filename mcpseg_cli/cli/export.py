@@ -67,7 +67,7 @@ def export(
     scans: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the input scans: write each with the final map's labels into the "
+            help="The recording: write each of its scans with the final map's labels into the "
             "folder -o."
         ),
     ] = None,

@@ -18,7 +18,6 @@ from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
     Json,
-    OutputFolder,
     Overwrite,
     Quiet,
     Seed,
@@ -30,7 +29,7 @@ from mcpseg_cli.cli.settings import settings_of
 if TYPE_CHECKING:
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
-    from mcpseg_cli.formats.recording import ScanFile
+    from mcpseg_cli.formats.recording import Recording
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
@@ -39,17 +38,30 @@ _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardl
 
 
 def segment(
-    scans: Annotated[
+    recording: Annotated[
         Path,
         typer.Argument(
-            metavar="SCANS",
-            help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.",
+            metavar="RECORDING",
+            help="Folder of scans in natural order (PLY, LAS, LAZ, NPZ, PCD, BIN, XYZ, PTS, TXT), "
+            "also in folders in it; folder of RGB-D images; E57 or PTX file; ROS bag or MCAP file.",
         ),
     ],
     poses: Annotated[
-        Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")
-    ],
-    output: OutputFolder,
+        Path | None,
+        typer.Argument(
+            metavar="[POSES]",
+            help="Pose file: CSV with a header, TUM or KITTI.  [default: the recording's own]",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Folder for the results; a run in it is continued.  "
+            "[default: RECORDING-labelled, here]",
+        ),
+    ] = None,
     weights: WeightsName = None,
     method: Annotated[
         Method | None,
@@ -81,7 +93,20 @@ def segment(
             "in one transaction.",
         ),
     ] = False,
-    frame: Annotated[Frame, typer.Option(help="Frame of the scans' coordinates.")] = "map",
+    frame: Annotated[
+        Frame,
+        typer.Option(
+            help="Frame of the scans' coordinates, where the recording does not say: RGB-D images, "
+            "stations and bags do."
+        ),
+    ] = "map",
+    topic: Annotated[
+        str | None,
+        typer.Option(help="Topic of a bag's point clouds or depth images, if there are several."),
+    ] = None,
+    pose_topic: Annotated[
+        str | None, typer.Option(help="Topic of a bag's poses, if there are several.")
+    ] = None,
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
@@ -145,13 +170,14 @@ def segment(
     Examples:
       mcpseg segment scans/ poses.csv -o out/
       mcpseg segment scans/ kitti.txt --frame sensor --range 10 -o out/
+      mcpseg segment walk.mcap --topic /lidar/points
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
     from mcpseg_cli.config import SegmentSettings
-    from mcpseg_cli.formats.recording import open_recording
+    from mcpseg_cli.formats.recording import TopicChoice, open_recording
 
     # what can be wrong is looked at before torch is imported
     given: dict[str, object] = {
@@ -162,26 +188,31 @@ def segment(
     given |= {"labelling": labelling, "clustering": clustering}
     given |= {"floor": floor, "seed": seed}
     settings = settings_of(SegmentSettings, given)
-    recording = open_recording(scans, poses, frame)
+    topics = TopicChoice(topic, pose_topic)
+    opened = open_recording(recording, poses, frame, topics=topics, on_error=on_error)
+    frame = opened.frame or frame
+    folder = output or default_output(recording)
+    _tell_what_was_read(opened, folder, is_default=output is None, quiet=quiet)
 
     from mcpseg_cli.incremental.methods import open_method
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.segment.run import SegmentRun
     from mcpseg_cli.segment.run_record import RunOptions
 
-    opened = open_method(method, weights)
+    chosen = open_method(method, weights)
     found = "as given" if local_range is not None else "the default"
-    if is_auto or (local_range is None and _sees_rooms(opened)):
-        kept = None if overwrite else output
-        distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
+    if is_auto or (local_range is None and _sees_rooms(chosen)):
+        kept = None if overwrite else folder
+        distance, found = _find_range(opened, frame, settings, kept, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
-    segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
-    options = RunOptions(frame, format, on_error, offline, sys.argv)
+    segmenter = IncrementalSegmenter(chosen, settings, precision=precision, device=device)
+    said = (opened.kind, *opened.notes)
+    options = RunOptions(frame, format, on_error, offline, sys.argv, said, topic)
 
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
         run = entered.enter_context(
-            SegmentRun(recording, output, segmenter, options, overwrite=overwrite)
+            SegmentRun(opened, folder, segmenter, options, overwrite=overwrite)
         )
         interrupt = entered.enter_context(Interrupt())
 
@@ -196,9 +227,32 @@ def segment(
         else:
             _print_summary(run, tally, range_from=found, verbose=verbose)
 
-    if interrupt.asked and len(run.records) < len(recording):
-        _tell_how_to_continue(len(run.records), len(recording))
+    if interrupt.asked and len(run.records) < len(opened):
+        _tell_how_to_continue(len(run.records), len(opened))
         raise typer.Exit(130)
+
+
+def default_output(recording: Path) -> Path:
+    """Name the folder for the results of a recording: after it, here, never inside it."""
+    path = recording.resolve()
+    named = path.parent if path.name in ("scans", "velodyne") else path
+    name = (named.name if path.is_dir() else path.stem) or "recording"
+    here = Path.cwd()
+    inside = path.is_dir() and (here == path or path in here.parents)
+    folder = path.parent if inside else here
+    return (folder if inside else Path()) / f"{name}-labelled"
+
+
+def _tell_what_was_read(
+    recording: Recording, folder: Path, *, is_default: bool, quiet: bool
+) -> None:
+    """Say how a recording was read where that was a choice, and where the results go."""
+    from mcpseg_cli.cli.display import notice
+
+    for note in recording.notes:
+        notice(f"mcpseg: {recording.path.name}: {note}", quiet=quiet)
+    if is_default:
+        notice(f"mcpseg: results go to {folder}; -o changes it", quiet=quiet)
 
 
 def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
@@ -209,7 +263,7 @@ def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
 
 
 def _find_range(
-    recording: list[ScanFile],
+    recording: Recording,
     frame: Frame,
     settings: SegmentSettings,
     kept: Path | None,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from mcpseg_cli.segment.events import ScanEvent, read_events
+from mcpseg_cli.segment.outputs import labelled_name
 from mcpseg_cli.segment.run_record import RunConfiguration, RunRecord
 
 
@@ -55,5 +56,4 @@ class RunFolder:
         """List where the labelled copy of every scan that was read should be."""
         ending = self.configuration.format
         read = [event for event in self.events or () if not event.skipped]
-        paths = [self.path / "scans" / event.name for event in read]
-        return [path.with_suffix(f".{ending}") for path in paths] if ending else paths
+        return [self.path / "scans" / labelled_name(event.name, ending) for event in read]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,20 +10,27 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import write_cloud
-from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.formats.recording import (
+    ScanFile,
+    ScanSource,
+    TopicChoice,
+    list_recording,
+    read_scan,
+)
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.labelled_run import LabelledRun
+from mcpseg_cli.segment.outputs import labelled_name
 
 _UNKNOWN = Labels(np.array([255], np.uint8), np.zeros(1, np.int32), np.zeros(1, np.float32))
 
 
-def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
-    """Find the scans of a run, unchanged, in a folder.
+def check_scans(run: LabelledRun, scans: Path) -> Sequence[ScanSource]:
+    """Find the scans of a run, unchanged, in their recording.
 
     Args:
         run: The run.
-        scans: The folder its scans were read from, or a copy of it.
+        scans: The recording its scans were read from, or a copy of it.
 
     Returns:
         The scans that were labelled, in order; those that were skipped are left out.
@@ -31,18 +38,31 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
     Raises:
         InputError: One is missing or not the file that was labelled.
     """
-    files = []
-    for record in run.scans:
-        if record.error is None:
-            path = scans / record.name
-            if not path.is_file():
-                expected = f"the scans of {run.folder}"
-                raise InputError(path, "no such scan", expected, "name the folder of its input")
-            if not record.file.matches(path):
-                expected = f"the scan as {run.folder} was made from it"
-                raise InputError(path, "changed since it was labelled", expected, "restore it")
-            files.append(ScanFile(path, record.pose))
-    return files
+    used = [record for record in run.scans if record.error is None]
+    sources = _sources(run, scans, [record.name for record in used])
+    found: list[ScanSource] = []
+    for record in used:
+        source = sources.get(record.name)
+        if source is None:
+            expected = f"the scans of {run.folder}"
+            remedy = "name the folder of its input"
+            raise InputError(scans / record.name, "no such scan", expected, remedy)
+        if not source.is_still(record.file):
+            expected = f"the scan as {run.folder} was made from it"
+            raise InputError(source.path, "changed since it was labelled", expected, "restore it")
+        found.append(source.with_pose(record.pose))
+    return found
+
+
+def _sources(run: LabelledRun, scans: Path, names: Sequence[str]) -> dict[str, ScanSource]:
+    """Find scans by name: files of a folder, else what another recording holds."""
+    files = [scans / name for name in names if (scans / name).is_file()]
+    if files:
+        sources = [ScanFile(path, None, scans) for path in files]
+        return {source.name: source for source in sources}
+    topic = run.settings.get("topic")
+    recording = list_recording(scans, TopicChoice(scans=str(topic) if topic else None))
+    return {source.name: source for source in recording}
 
 
 def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]:
@@ -53,7 +73,7 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
 
     Args:
         run: The map; all of it is held, some 70 bytes a voxel.
-        scans: The folder its scans were read from.
+        scans: The recording its scans were read from.
         folder: Where to write; made if not there.
 
     Yields:
@@ -83,7 +103,8 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
     for source in sources:
         scan, cloud = read_scan(source, "sensor" if frame == "sensor" else "map", voxel_size)
         ids = voxels.find(scan.xyz)  # -1 finds the last row
-        path = folder / source.path.name
+        path = folder / labelled_name(source.name, None)
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_cloud(path, cloud.with_labels(_taken(known, ids)))
         yield path
 

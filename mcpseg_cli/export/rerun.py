@@ -83,12 +83,14 @@ class RerunLog:
 
         Args:
             number: Of the scan, from 0; the time.
-            pose: (4, 4) sensor to map, metres.
+            pose: (4, 4) sensor to map, metres; NaN for a scan that was skipped for want of one.
             points: May be none.
         """
         # the scanner, and the step that took it there
         rerun = self._rerun
         self._stream.set_time(TIMELINE, sequence=number)
+        if not np.isfinite(pose).all():
+            return
         self._stream.log("scanner", rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         if self._last_place is not None:
             step = np.stack([self._last_place, pose[:3, 3]])

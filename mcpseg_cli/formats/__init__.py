@@ -14,13 +14,15 @@ from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.scan import Labels
 
 CLOUD_SUFFIXES = (".ply", ".las", ".laz", ".npz", ".pcd")
+READ_ONLY_SUFFIXES = (".bin", ".xyz", ".pts", ".asc", ".txt")
 
 
 def read_cloud(path: Path) -> Cloud:
     """Read a point cloud file of any supported format.
 
     Args:
-        path: A .ply, .las, .laz, .npz or .pcd file.
+        path: A .ply, .las, .laz, .npz or .pcd file; a .bin of KITTI or nuScenes, or text: .xyz,
+            .pts, .asc or .txt.
 
     Returns:
         At least one point, with finite coordinates and every attribute of the file.
@@ -38,9 +40,14 @@ def read_cloud(path: Path) -> Cloud:
         from mcpseg_cli.formats.las import read_las as read
     elif suffix == ".pcd":
         from mcpseg_cli.formats.pcd import read_pcd as read
+    elif suffix == ".bin":
+        from mcpseg_cli.formats.lidar_bin import read_bin as read
+    elif suffix in READ_ONLY_SUFFIXES:
+        from mcpseg_cli.formats.text_cloud import read_text as read
     else:
         found = f"a file ending in {suffix or 'nothing'!r}"
-        raise InputError(path, found, ", ".join(CLOUD_SUFFIXES), "convert it")
+        expected = ", ".join((*CLOUD_SUFFIXES, *READ_ONLY_SUFFIXES))
+        raise InputError(path, found, expected, "convert it")
     return checked(path, read(path))
 
 
@@ -151,6 +158,7 @@ def _write_stream(path: Path, parts: CloudParts) -> None:
 
 __all__ = [
     "CLOUD_SUFFIXES",
+    "READ_ONLY_SUFFIXES",
     "Cloud",
     "CloudParts",
     "Labels",

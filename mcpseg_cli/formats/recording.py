@@ -1,142 +1,218 @@
-"""A recording: a folder of scans in natural order, paired with their poses, read one by one."""
+"""A recording, whatever holds it: scans in order, paired with their poses, read one by one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.choices import Frame
+from mcpseg_cli.choices import Frame, OnError
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
-from mcpseg_cli.formats.natural_order import natural_key
+from mcpseg_cli.formats import Cloud
 from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.formats.recordings import open_container
+from mcpseg_cli.formats.recordings.stations import open_stations
+from mcpseg_cli.formats.scan_files import STATION_SUFFIXES, ScanFile, list_clouds, list_scans
+from mcpseg_cli.formats.scan_source import (
+    POSES_NOTE,
+    Recording,
+    ScanSource,
+    TopicChoice,
+    check_names,
+    pose_of,
+)
 from mcpseg_cli.grid import MAX_VOXEL
 from mcpseg_cli.scan import Scan, to_map_frame
 
 MAX_COORDINATE = 65536.0
 """Metres from the origin at which float32 resolves no finer than 4 mm; farther is refused."""
 _TOO_FAR = "subtract a common offset from scans and poses, or convert millimetres to metres"
+_ANY_TOPIC = TopicChoice()
 
 
-@dataclass(frozen=True)
-class ScanFile:
-    """One scan of a recording: its file and its pose, (4, 4) float64, sensor to map."""
-
-    path: Path
-    pose: NDArray[np.float64]
-
-
-def list_clouds(directory: Path) -> list[Path]:
-    """List the cloud files of a folder in natural order: ``scan_2`` before ``scan_10``.
-
-    Args:
-        directory: The folder; its subfolders and other files are passed over.
-
-    Raises:
-        InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their
-            ending.
-    """
-    if not directory.is_dir():
-        found = "a file" if directory.exists() else "no such folder"
-        raise InputError(directory, found, "a folder of scans", "check the path")
-    files = [path for path in directory.iterdir() if path.name[0] != "." and path.is_file()]
-    paths = [path for path in files if path.suffix.lower() in CLOUD_SUFFIXES]
-    if not paths:
-        expected = f"files ending in {', '.join(CLOUD_SUFFIXES)}"
-        raise InputError(directory, "no scans", expected, "check the path")
-
-    # each scan has one name, by which reports and poses know it
-    paths.sort(key=lambda path: natural_key(path.name))
-    seen: dict[str, Path] = {}
-    for path in paths:
-        if any("\ud800" <= letter <= "\udfff" for letter in path.name):
-            found = f"a scan called {path.name!r}"
-            raise InputError(directory, found, "a name in UTF-8", "rename it")
-        if path.stem in seen:
-            found = f"{seen[path.stem].name} and {path.name} have the same scan name"
-            raise InputError(directory, found, "one file a scan", "rename or remove one")
-        seen[path.stem] = path
-    return paths
-
-
-def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> list[ScanFile]:
-    """Pair the scans of a folder with their poses; nothing but names and poses is read yet.
+def open_recording(
+    path: Path,
+    poses_path: Path | None = None,
+    frame: Frame = "map",
+    *,
+    topics: TopicChoice = _ANY_TOPIC,
+    on_error: OnError = "stop",
+) -> Recording:
+    """Find the scans of a recording and their poses; of clouds nothing but names is read yet.
 
     Args:
-        directory: Folder of scans.
-        poses_path: Pose file; rows pair with scans by its ``scan`` column (with or without ending),
-            else by order.
-        frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an
-            orientation.
+        path: Folder of scans, or of another layout; a bag, an E57 or PTX file.
+        poses_path: Pose file, instead of the poses that the recording holds; rows pair with scans
+            by its ``scan`` column (with or without ending), else by order. None: the recording's
+            own poses.
+        frame: Frame of the scans' coordinates, where their kind does not say; poses of scans in
+            the sensor's frame need an orientation.
+        topics: Which topics of a bag to take.
+        on_error: ``skip``: scans may be without a pose; whoever reads them will skip them.
 
     Returns:
-        The scans in natural order.
+        The scans in order.
 
     Raises:
-        InputError: Names the scan without a pose, the pose without a scan, the two counts, or a
-            position too far out.
+        InputError: Names what is in the way: the scan without a pose, the pose without a scan,
+            the two counts, a position too far out, topics to choose from.
+        OSError: A file cannot be opened.
     """
-    paths = list_clouds(directory)
-    table = read_poses(poses_path)
+    recording = list_recording(path, topics, has_pose_file=poses_path is not None)
+    found_frame = recording.frame or frame
+    if {source.frame for source in recording} == {None, "sensor"} and frame == "map":
+        found = "scans of stations among clouds that say nothing of their frame"
+        remedy = "give --frame sensor, or keep them apart"
+        raise InputError(path, found, "one frame for all", remedy)
 
-    # poses that these scans can be moved by
+    # poses of a file of their own, else the recording's
+    if poses_path is not None:
+        table = read_poses(poses_path)
+        _check_poses(poses_path, table, found_frame)
+        poses = _pair(poses_path, recording, table)
+        return recording.with_poses(poses)
+    _check_own_poses(recording, on_error)
+    return recording
+
+
+def list_recording(
+    path: Path, topics: TopicChoice = _ANY_TOPIC, *, has_pose_file: bool = False
+) -> Recording:
+    """Find the scans of a recording, with the poses that it holds, if any.
+
+    Args:
+        path: As for ``open_recording``.
+        topics: As for ``open_recording``.
+        has_pose_file: Whether poses are given beside it, see ``open_container``.
+
+    Raises:
+        InputError: It is none, or damaged.
+        OSError: A file cannot be opened.
+    """
+    container = open_container(path, topics, has_pose_file=has_pose_file)
+    if container is None:
+        container = _list_folder(path)
+    check_names(path, container.scans)
+    return container
+
+
+def _list_folder(path: Path) -> Recording:
+    """List the scans of a folder of files, each a scan or several stations."""
+    # scans and their poses side by side, as mcpseg raytrace and KITTI have them
+    for name in ("scans", "velodyne"):
+        poses = [path / f"poses.{ending}" for ending in ("csv", "txt", "tum")]
+        poses = [file for file in poses if file.is_file()]
+        if (path / name).is_dir() and len(poses) == 1:
+            inner = _list_folder(path / name)
+            table = read_poses(poses[0])
+            paired = inner.with_poses(_pair(poses[0], inner, table))
+            if name == "velodyne":
+                paired = paired.in_frame("sensor")
+            note = f"{POSES_NOTE}{poses[0].name}, scans: {name}/"
+            return replace(paired, path=path, notes=(note,))
+
+    scans: list[ScanSource] = []
+    for file in list_scans(path):
+        if file.suffix.lower() in STATION_SUFFIXES:
+            scans += open_stations(file)
+        else:
+            scans.append(ScanFile(file, None, path))
+    endings = sorted({file.suffix.lower().lstrip(".") for file in list_scans(path)})
+    return Recording(path, f"folder of scans ({', '.join(endings)})", tuple(scans))
+
+
+def _check_poses(poses_path: Path, table: PoseTable, frame: Frame) -> None:
+    """Refuse poses that scans cannot be moved by."""
     if frame == "sensor" and not table.has_rotation:
         expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
         raise InputError(poses_path, "positions only", expected, remedy)
-    farthest = np.abs(table.poses[:, :3, 3]).max()
+    _check_distance(poses_path, table.poses)
+
+
+def _check_distance(path: Path, poses: NDArray[np.float64]) -> None:
+    farthest = np.abs(poses[:, :3, 3]).max()
     if farthest >= MAX_COORDINATE:
         found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
-        raise InputError(poses_path, found, expected, _TOO_FAR)
+        raise InputError(path, found, expected, _TOO_FAR)
 
-    # paired by name where the table has names, else by order
+
+def _check_own_poses(recording: Recording, on_error: OnError) -> None:
+    """Refuse a recording without poses, or without some unless these scans are skipped."""
+    missing = [source for source in recording if source.pose is None]
+    if recording.no_poses is not None:
+        raise recording.no_poses
+    if len(missing) == len(recording):
+        expected = "a pose file after the recording"
+        remedy = f"give it: {recording.path.name} POSES"
+        raise InputError(recording.path, f"{recording.kind}, without poses", expected, remedy)
+    if missing and on_error != "skip":
+        found = f"no pose for {len(missing):,} of {len(recording):,} scans, as {missing[0].name}"
+        remedy = "give --on-error skip to leave these out"
+        raise InputError(recording.path, found, "a pose for every scan", remedy)
+    _check_distance(
+        recording.path, np.stack([pose_of(one) for one in recording if one.pose is not None])
+    )
+
+
+def _pair(
+    poses_path: Path, recording: Recording, table: PoseTable
+) -> list[NDArray[np.float64] | None]:
+    """Find the pose of every scan: by name where the table has names, else by order."""
     if table.scans is not None:
-        return _pair_by_name(poses_path, paths, table, table.scans)
-    if len(table) != len(paths):
-        found = f"{len(table):,} poses for {len(paths):,} scans in {directory}"
+        return _pair_by_name(poses_path, recording, table, table.scans)
+    if len(table) != len(recording):
+        found = f"{len(table):,} poses for {len(recording):,} scans in {recording.path}"
         raise InputError(poses_path, found, "as many", "add a scan column or the missing rows")
-    return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
+    return list(table.poses)
 
 
 def _pair_by_name(
-    poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]
-) -> list[ScanFile]:
+    poses_path: Path, recording: Recording, table: PoseTable, scans: tuple[str, ...]
+) -> list[NDArray[np.float64] | None]:
     """Find the pose of every scan and a scan for every pose."""
     rows = {name: row for row, name in enumerate(scans)}
-    recording = []
-    for path in paths:
-        row = rows.pop(path.name, rows.pop(path.stem, None) if path.name not in rows else None)
-        if row is None:
-            found, remedy = f"no pose for scan {path.name}", "add it or remove the scan"
+    poses: list[NDArray[np.float64] | None] = []
+    for source in recording:
+        name = next((name for name in _spellings(source.name) if name in rows), None)
+        if name is None:
+            found, remedy = f"no pose for scan {source.name}", "add it or remove the scan"
             raise InputError(poses_path, found, "a row for every scan", remedy)
-        recording.append(ScanFile(path, table.poses[row]))
+        poses.append(table.poses[rows.pop(name)])
 
     if rows:
         found = f"a pose for {next(iter(rows))}, which is not among the scans"
         raise InputError(poses_path, found, "a scan for every row", "remove the row")
-    return recording
+    return poses
 
 
-def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:
+def _spellings(name: str) -> tuple[str, ...]:
+    """Give what a table may call a scan: with and without ending, with and without its folder."""
+    path = PurePath(name)
+    return name, str(path.with_suffix("")), path.name, path.stem
+
+
+def read_scan(source: ScanSource, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:
     """Read one scan into the map frame.
 
     Args:
-        source: The scan's file and pose.
-        frame: Frame of the file's coordinates.
+        source: The scan, with its pose.
+        frame: Frame of its coordinates, where its kind does not say.
         voxel_size: Edge of a voxel, metres; bounds how far from the origin a point may lie.
 
     Returns:
         The scan, and the cloud it came from with all its attributes.
 
     Raises:
-        InputError: The file is damaged, or its coordinates are too large for the map.
+        InputError: The scan is damaged or without a pose, or its coordinates are too large for the
+            map.
     """
-    cloud = read_cloud(source.path)
+    pose = pose_of(source)
+    cloud = source.read()
     with np.errstate(over="ignore", invalid="ignore"):
-        if frame == "sensor":
-            xyz_map = to_map_frame(cloud.xyz, source.pose)
+        if (source.frame or frame) == "sensor":
+            xyz_map = to_map_frame(cloud.xyz, pose)
         else:
             xyz_map = cloud.xyz.astype(np.float32, copy=False)
         largest = np.abs(xyz_map).max()
@@ -146,4 +222,18 @@ def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, 
     if not largest < limit:
         found = f"coordinates up to {largest:.6g} m"
         raise InputError(source.path, found, f"less than {limit:.6g} m from the origin", _TOO_FAR)
-    return Scan(xyz_map, cloud.rgb, source.pose, source.path.name), cloud
+    return Scan(xyz_map, cloud.rgb, pose, source.name), cloud
+
+
+__all__ = [
+    "MAX_COORDINATE",
+    "Recording",
+    "ScanFile",
+    "ScanSource",
+    "TopicChoice",
+    "list_clouds",
+    "list_recording",
+    "list_scans",
+    "open_recording",
+    "read_scan",
+]

@@ -18,6 +18,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.incremental.evidence import BLOCK
 from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
 from mcpseg_cli.incremental.regrouping import History, Moves
@@ -30,7 +31,7 @@ from mcpseg_cli.segment.map_changes import (
     packed_moves,
     unpacked_moves,
 )
-from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 SCHEMA_VERSION = 3
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB

@@ -1,10 +1,11 @@
 """The folder of a run: what may be written into it, and what may be deleted from it."""
 
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePath
 
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
-from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.formats.scan_source import ScanSource
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
@@ -18,7 +19,7 @@ _OUTPUTS = (
 )
 
 
-def prepare_folder(output: Path, recording: list[ScanFile], *, overwrite: bool) -> None:
+def prepare_folder(output: Path, recording: Sequence[ScanSource], *, overwrite: bool) -> None:
     """Make the folder of a run, or see that a run may be continued in it.
 
     Args:
@@ -38,20 +39,21 @@ def prepare_folder(output: Path, recording: list[ScanFile], *, overwrite: bool) 
     (output / "scans").mkdir(parents=True, exist_ok=True)
 
 
-def _check_place(output: Path, recording: list[ScanFile]) -> None:
+def _check_place(output: Path, recording: Sequence[ScanSource]) -> None:
     """Refuse an output folder in which results would lie among the input, or that is none."""
-    scans = recording[0].path.parent.resolve()
     own = (output.resolve(), (output / "scans").resolve())
-    if scans in own or own[1] in scans.parents:
-        raise OutputError(
-            f"{output}: the input {recording[0].path.parent} lies where results go; "
-            "expected a folder of its own; choose another -o"
-        )
+    for folder in dict.fromkeys(source.path.parent for source in recording):
+        scans = folder.resolve()
+        if scans in own or own[1] in scans.parents:
+            raise OutputError(
+                f"{output}: the input {folder} lies where results go; "
+                "expected a folder of its own; choose another -o"
+            )
     if output.exists() and not output.is_dir():
         raise OutputError(f"{output}: a file; expected a folder; choose another -o")
 
 
-def clear_run(output: Path, recording: list[ScanFile]) -> None:
+def clear_run(output: Path, recording: Sequence[ScanSource]) -> None:
     """Delete the files of a run, and only those: other files, also in its scans/, stay.
 
     Args:
@@ -67,11 +69,11 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
         return
 
     # the checkpoint knows which labelled scans are the run's
-    stems = {source.path.stem for source in recording}
+    stems = {_stem(source.name) for source in recording}
     if (output / "state.sqlite").is_file():
         try:
             with State(output / "state.sqlite") as state:
-                stems |= {Path(record.name).stem for record in state.scans()}
+                stems |= {_stem(record.name) for record in state.scans()}
         except StateInUseError:
             raise
         except StateError:
@@ -79,9 +81,16 @@ def clear_run(output: Path, recording: list[ScanFile]) -> None:
 
     for name in _OUTPUTS:
         (output / name).unlink(missing_ok=True)
-    for path in (output / "scans").glob("*"):
-        if path.stem in stems and path.suffix.lower() in CLOUD_SUFFIXES:
+    scans = output / "scans"
+    for path in list(scans.rglob("*")):
+        name = path.relative_to(scans).as_posix()
+        if _stem(name) in stems and path.suffix.lower() in CLOUD_SUFFIXES:
             path.unlink()
+
+
+def _stem(name: str) -> str:
+    """Return the name of a scan without its ending."""
+    return str(PurePath(name).with_suffix(""))
 
 
 def _check_content(output: Path) -> None:
@@ -90,7 +99,7 @@ def _check_content(output: Path) -> None:
     if state.exists() and state.stat().st_size >= _SMALLEST_DATABASE:
         return
     present = [name for name in _OUTPUTS if (output / name).exists() and (name != state.name)]
-    if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").glob("*")):
+    if any(path.suffix.lower() in CLOUD_SUFFIXES for path in (output / "scans").rglob("*")):
         present.append("clouds in scans/")
 
     # a run.json shows that a run was here, which may be deleted

@@ -122,8 +122,9 @@ class LabelledRun:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """(S, 4, 4) poses of all scans, sensor to map, metres."""
-        return np.stack([record.pose for record in self.scans])
+        """(S, 4, 4) poses of all scans that have one, sensor to map, metres."""
+        poses = np.stack([record.pose for record in self.scans])
+        return poses[np.isfinite(poses).all(axis=(1, 2))]
 
     @cached_property
     def settings(self) -> dict[str, object]:

@@ -10,7 +10,9 @@ import numpy as np
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import write_cloud
-from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.recording import ScanSource
+from mcpseg_cli.formats.scan_source import pose_of
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.regrouping import History
@@ -18,7 +20,7 @@ from mcpseg_cli.incremental.segmenter import ScanUpdate
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.segment.events import LabelledEvent
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
-from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, skipped_scan
+from mcpseg_cli.segment.scan_record import ScanRecord, skipped_scan
 
 _NO_MERGES = np.empty((0, 2), np.int32)
 _NOBODY = np.empty(0, np.int32)
@@ -38,7 +40,7 @@ class _InCloud:
     """
 
     number: int
-    source: ScanFile
+    source: ScanSource
     read: Fingerprint | InputError | OSError
     first_new: int
     num_voxels: int
@@ -88,13 +90,13 @@ def label_offline(
     finally:
         if not run.records:
             for scan in scans:
-                run.outputs.labelled_scan(scan.source.path.name).unlink(missing_ok=True)
+                run.outputs.labelled_scan(scan.source.name).unlink(missing_ok=True)
     for record, report in done:
         run.outputs.append_event(record.event, report.update.ms if report.update else None)
     yield from (report for _, report in done)
 
 
-def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanFile) -> _InCloud:
+def _read(run: SegmentRun, cloud: GrowingMap, number: int, source: ScanSource) -> _InCloud:
     """Add a scan's points in range to the cloud."""
     before, started = len(cloud.voxels), perf_counter()
 
@@ -119,7 +121,7 @@ def _label(run: SegmentRun, cloud: VoxelMap, scans: list[_InCloud]) -> float | N
     if not len(cloud):
         run.segmenter.restore([], History(_NO_MERGES), len(used), None)
         return None
-    positions = np.array([scan.source.pose[:3, 3] for scan in used])
+    positions = np.array([pose_of(scan.source)[:3, 3] for scan in used])
     rows, floor = label_cloud(cloud, positions, run.segmenter.method)
     run.segmenter.restore([rows], History(_NO_MERGES), len(used), floor)
     return floor
@@ -129,7 +131,7 @@ def _write(
     run: SegmentRun, scan: _InCloud, floor: float | None, share_ms: float
 ) -> tuple[ScanRecord, ScanReport]:
     """Write the labelled copy of a scan and make its record."""
-    name, started = scan.source.path.name, perf_counter()
+    name, started = scan.source.name, perf_counter()
     if not isinstance(scan.read, Fingerprint):
         skipped = skipped_scan(scan.number, scan.source, scan.read, scan.first_new, None)
         return skipped, ScanReport(name, 0, None, skipped.error, scan.ms)
@@ -150,7 +152,7 @@ def _write(
     num_points, num_objects = len(read.cloud), run.segmenter.clusters.num_objects
     event = LabelledEvent.of(scan.number, name, num_points, update, num_objects)
     record = ScanRecord(
-        name, scan.read, scan.source.pose, num_points, scan.num_voxels, floor, None, event,
+        name, scan.read, pose_of(scan.source), num_points, scan.num_voxels, floor, None, event,
         path.stat().st_size,
     )  # fmt: skip
     return record, ScanReport(name, num_points, update, None, sum(ms.values()))

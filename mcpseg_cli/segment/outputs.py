@@ -5,18 +5,32 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject
 from mcpseg_cli.resumable import remove_leftovers, write_whole
 from mcpseg_cli.segment.events import Event, append_event, reconcile_events
 from mcpseg_cli.segment.map_ply import LabelledMap
 from mcpseg_cli.segment.run_record import RunRecord
+
+
+def labelled_name(name: str, ending: str | None) -> str:
+    """Name the labelled copy of a scan.
+
+    Args:
+        name: Name of the scan.
+        ending: Format of the copy, without a dot; None for the scan's own, or PLY where that is
+            only read.
+    """
+    path = PurePath(name)
+    own = path.suffix if path.suffix.lower() in CLOUD_SUFFIXES else ".ply"
+    return path.with_suffix(f".{ending}" if ending else own).as_posix()
 
 
 class Outputs:
@@ -54,15 +68,17 @@ class Outputs:
         Raises:
             OSError: The disk is full.
         """
-        for folder in (self.folder, self.folder / "scans"):
+        scans = self.folder / "scans"
+        for folder in (self.folder, scans, *scans.rglob("*/")):
             remove_leftovers(folder)
         self._map.reconcile(rows)
         reconcile_events(self.folder / "events.jsonl", events)
 
     def labelled_scan(self, name: str) -> Path:
         """Return where the labelled copy of a scan goes."""
-        path = self.folder / "scans" / name
-        return path.with_suffix(f".{self._format}") if self._format else path
+        path = self.folder / "scans" / labelled_name(name, self._format)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
 
     def update_map(self, rows: MapRows, changed: NDArray[np.int32]) -> None:
         """Bring map.ply up to date, see ``LabelledMap.update``."""

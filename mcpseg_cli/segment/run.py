@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,9 @@ from types import TracebackType
 
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats import Cloud, whole_cloud, write_cloud
-from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.recording import ScanSource, read_scan
+from mcpseg_cli.formats.scan_source import pose_of
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
@@ -24,7 +26,7 @@ from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
 from mcpseg_cli.segment.outputs import Outputs
 from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
-from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, check_consumed, skipped_scan
+from mcpseg_cli.segment.scan_record import ScanRecord, check_consumed, skipped_scan
 
 _DECISIVE = ("method", "offline", "weights")  # other differences follow from these
 _REMEDY = "go back to it, choose another -o, or start again with --overwrite"
@@ -35,7 +37,7 @@ class ScanReport:
     """What became of one scan.
 
     Attributes:
-        name: File name.
+        name: Name of the scan.
         num_points: Points in it.
         update: What it changed; None when it was skipped.
         error: Why it was skipped.
@@ -55,12 +57,12 @@ class ReadScan:
 
     Attributes:
         source: Where it is from.
-        file: What the file was.
+        file: What its content was.
         scan: Its points in the map frame.
         cloud: All that the file holds.
     """
 
-    source: ScanFile
+    source: ScanSource
     file: Fingerprint
     scan: Scan
     cloud: Cloud
@@ -89,13 +91,13 @@ class SegmentRun:
     """
 
     records: list[ScanRecord]
-    pending: list[ScanFile]
+    pending: list[ScanSource]
     resumed_from: int
     outputs: Outputs
 
     def __init__(
         self,
-        recording: list[ScanFile],
+        recording: Sequence[ScanSource],
         output: Path,
         segmenter: IncrementalSegmenter,
         options: RunOptions,
@@ -111,7 +113,7 @@ class SegmentRun:
             self._open(recording, opened)
             self._open_files = opened.pop_all()
 
-    def _open(self, recording: list[ScanFile], opened: ExitStack) -> None:
+    def _open(self, recording: Sequence[ScanSource], opened: ExitStack) -> None:
         """Put everything where the checkpoint is."""
         self._check_request()
         self.records = self._state.scans()
@@ -167,17 +169,17 @@ class SegmentRun:
             else:
                 yield self._label(read, started)
 
-    def read(self, source: ScanFile) -> ReadScan:
+    def read(self, source: ScanSource) -> ReadScan:
         """Read a scan as this run takes it.
 
         Raises:
             InputError: It is damaged.
             OSError: It cannot be read.
         """
-        file = Fingerprint.of(source.path)
+        file = source.fingerprint()
         return ReadScan(source, file, *self._read_points(source))
 
-    def _read_points(self, source: ScanFile) -> tuple[Scan, Cloud]:
+    def _read_points(self, source: ScanSource) -> tuple[Scan, Cloud]:
         return read_scan(source, self.options.frame, self.segmenter.settings.voxel_size)
 
     def commit_all(self, scans: list[tuple[ScanRecord, MapRows]]) -> None:
@@ -200,7 +202,7 @@ class SegmentRun:
         read_ms = 1e3 * (perf_counter() - started)
         update = self.segmenter.register_scan(read.scan)
         labels = self.segmenter.labels(update.point_ids)
-        name, num_points = read.source.path.name, len(read.cloud)
+        name, num_points = read.source.name, len(read.cloud)
         num_objects = self.segmenter.clusters.num_objects
         event = LabelledEvent.of(len(self.records), name, num_points, update, num_objects)
 
@@ -210,7 +212,7 @@ class SegmentRun:
         with whole_cloud(self.outputs.labelled_scan(name), labelled) as partial:
             written = perf_counter()
             record = ScanRecord(
-                name, read.file, read.source.pose, num_points, len(self.segmenter.map),
+                name, read.file, pose_of(read.source), num_points, len(self.segmenter.map),
                 update.floor, None, event, partial.stat().st_size,
             )  # fmt: skip
             rows = self.segmenter.rows(update.first_new)
@@ -233,7 +235,7 @@ class SegmentRun:
         moves = Moves(update.moved, segmenter.clusters.instance[update.moved])
         return MapChanges(update.merges, moves, labels, segmenter.evidence_blocks(update.judged))
 
-    def _skip(self, source: ScanFile, error: InputError | OSError, started: float) -> ScanReport:
+    def _skip(self, source: ScanSource, error: InputError | OSError, started: float) -> ScanReport:
         """Record a scan that cannot be read, and go on without it."""
         num_voxels = len(self.segmenter.map)
         floor = self.records[-1].floor if self.records else None
@@ -265,7 +267,7 @@ class SegmentRun:
                 "start again with --overwrite"
             ) from error
 
-    def _write_lost_scans(self, recording: list[ScanFile]) -> None:
+    def _write_lost_scans(self, recording: Sequence[ScanSource]) -> None:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):

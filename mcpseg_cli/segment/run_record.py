@@ -34,6 +34,8 @@ class RunOptions:
         on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
         offline: Whether all scans are labelled together, when the last is read.
         command: The command line, for the record.
+        recording: What was read and how, for the record: a line each.
+        topic: The topic of a bag that was chosen.
     """
 
     frame: Frame = "map"
@@ -41,6 +43,8 @@ class RunOptions:
     on_error: OnError = "stop"
     offline: bool = False
     command: Sequence[str] = ()
+    recording: Sequence[str] = ()
+    topic: str | None = None
 
 
 class RunConfiguration(SegmentSettings):
@@ -55,6 +59,7 @@ class RunConfiguration(SegmentSettings):
         method: ``region-growing``; None for a network.
         region_growing: Its settings; None for a network.
         offline: Whether all scans were labelled together.
+        topic: The topic of a bag that was chosen; None where there was no choice.
     """
 
     model_config = ConfigDict(extra="ignore")
@@ -67,6 +72,7 @@ class RunConfiguration(SegmentSettings):
     method: str | None = None
     region_growing: RegionGrowingSettings | None = None
     offline: bool = False
+    topic: str | None = None
 
     @classmethod
     def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
@@ -75,6 +81,7 @@ class RunConfiguration(SegmentSettings):
         facts |= {"frame": options.frame, "format": options.format}
         facts |= {"precision": segmenter.precision, "device": segmenter.device}
         facts |= segmenter.method.configuration()
+        facts |= {"topic": options.topic} if options.topic else {}
         return cls.model_validate(facts | ({"offline": True} if options.offline else {}))
 
     def as_json(self) -> dict[str, JsonValue]:
@@ -89,6 +96,7 @@ class RunRecord(BaseModel):
         mcpseg: Version that wrote it.
         python: Version of Python.
         command: The command line.
+        recording: What was read and how: a line each.
         method: The network's architecture, or ``region-growing``.
         configuration: What decided the outputs.
         weights: Name, hash and description of the weights; None without any.
@@ -101,6 +109,7 @@ class RunRecord(BaseModel):
     mcpseg: str = ""
     python: str = ""
     command: tuple[_Words, ...] = ()
+    recording: tuple[_Words, ...] = ()
     method: str = ""
     configuration: RunConfiguration
     weights: dict[str, JsonValue] | None = None
@@ -118,6 +127,7 @@ class RunRecord(BaseModel):
             mcpseg=__version__,
             python=platform.python_version(),
             command=tuple(options.command),
+            recording=tuple(options.recording),
             method=segmenter.method.name,
             configuration=RunConfiguration.of(segmenter, options),
             weights=described,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,45 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, StateError
-from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.scan_source import ScanSource, pose_of
 from mcpseg_cli.segment.events import Event, SkippedEvent
-
-
-@dataclass(frozen=True)
-class Fingerprint:
-    """What a file was when it was read.
-
-    Attributes:
-        size: Bytes.
-        mtime_ns: When it was last changed.
-        sha256: Hash of its content, hex.
-    """
-
-    size: int
-    mtime_ns: int
-    sha256: str
-
-    @classmethod
-    def of(cls, path: Path) -> Fingerprint:
-        """Take the fingerprint of a file."""
-        status = path.stat()
-        return cls(status.st_size, status.st_mtime_ns, _hash(path))
-
-    def matches(self, path: Path) -> bool:
-        """Compare with a file; its content is read only where size and time do not settle it."""
-        status = path.stat()
-        if status.st_size != self.size:
-            return False
-        return status.st_mtime_ns == self.mtime_ns or _hash(path) == self.sha256
-
 
 NOT_READ = Fingerprint(0, 0, "")
 """Stands for the fingerprint of a scan that could not be read."""
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)
@@ -56,9 +23,9 @@ class ScanRecord:
     """A consumed scan.
 
     Attributes:
-        name: File name.
-        file: What the file was.
-        pose: (4, 4) float64, sensor to map.
+        name: Name of the scan.
+        file: What its content was.
+        pose: (4, 4) float64, sensor to map; NaN for a scan skipped for want of one.
         num_points: Points in the file; 0 for a skipped scan.
         num_voxels: Voxels in the map after it.
         floor: Floor height after it, metres, map frame.
@@ -77,13 +44,17 @@ class ScanRecord:
     event: Event
     output_size: int
 
-    def is_of(self, source: ScanFile) -> bool:
+    def is_of(self, source: ScanSource) -> bool:
         """Tell whether a scan has still the pose and content that were consumed."""
-        return np.array_equal(source.pose, self.pose) and self.file.matches(source.path)
+        return np.array_equal(pose_of(source), self.pose) and source.is_still(self.file)
 
 
 def skipped_scan(
-    number: int, source: ScanFile, error: InputError | OSError, num_voxels: int, floor: float | None
+    number: int,
+    source: ScanSource,
+    error: InputError | OSError,
+    num_voxels: int,
+    floor: float | None,
 ) -> ScanRecord:
     """Make the record of a scan that cannot be read.
 
@@ -94,14 +65,15 @@ def skipped_scan(
         num_voxels: Voxels in the map, which it leaves as it is.
         floor: Height of the floor, which it leaves as it is.
     """
-    name, reason = source.path.name, str(error)
+    name, reason = source.name, str(error)
     event = SkippedEvent(number, name, reason)
-    return ScanRecord(name, NOT_READ, source.pose, 0, num_voxels, floor, reason, event, 0)
+    pose = np.full((4, 4), np.nan) if source.pose is None else source.pose
+    return ScanRecord(name, NOT_READ, pose, 0, num_voxels, floor, reason, event, 0)
 
 
 def check_consumed(
-    recording: list[ScanFile], records: list[ScanRecord], state_path: Path
-) -> list[ScanFile]:
+    recording: Sequence[ScanSource], records: list[ScanRecord], state_path: Path
+) -> list[ScanSource]:
     """Compare a recording with what was consumed of it.
 
     Args:
@@ -123,14 +95,20 @@ def check_consumed(
 
     # consumed scans stay what and where they were; new ones come after
     for source, record in zip(recording, records, strict=False):
-        if source.path.name != record.name:
+        if source.name != record.name:
             raise StateError(
-                f"{source.path}: stands where {record.name} was consumed; "
+                f"{_place(source)}: stands where {record.name} was consumed; "
                 "expected new scans after the consumed ones; rename it"
             )
         if record.error is None and not record.is_of(source):
             raise StateError(
-                f"{source.path}: changed since it was consumed; expected the same file and pose; "
-                "restore it or start again with --overwrite"
+                f"{_place(source)}: changed since it was consumed; "
+                "expected the same file and pose; restore it or start again with --overwrite"
             )
-    return recording[len(records) :]
+    return list(recording[len(records) :])
+
+
+def _place(source: ScanSource) -> str:
+    """Name a scan in messages: its file, and the scan where that is one of several there."""
+    is_file = source.path.name == source.name.rpartition("/")[2]
+    return str(source.path) if is_file else f"{source.path}: scan {source.name}"

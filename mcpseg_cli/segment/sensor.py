@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.recording import ScanFile, read_scan
+from mcpseg_cli.formats.recording import ScanSource, read_scan
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
 
@@ -50,7 +50,7 @@ def guess_range(scans: Iterable[Scan]) -> tuple[float, str]:
     return _IN_ROOMS, "a scanner that sees all around, in rooms"
 
 
-def first_scans(recording: list[ScanFile], frame: Frame, voxel_size: float) -> Iterator[Scan]:
+def first_scans(recording: Sequence[ScanSource], frame: Frame, voxel_size: float) -> Iterator[Scan]:
     """Read the first scans, one in memory at a time; what cannot be read is passed over.
 
     Args:

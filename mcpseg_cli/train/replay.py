@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from mcpseg_cli.config import SampleSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
 from mcpseg_cli.formats.labels import point_labels
-from mcpseg_cli.formats.recording import ScanFile, open_recording, read_scan
+from mcpseg_cli.formats.recording import ScanSource, open_recording, read_scan
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.growing_map import GrowingMap
 from mcpseg_cli.incremental.voxel_map import VoxelMap
@@ -97,10 +97,10 @@ class Replay:
             yield self._insert(number, scan, semantic, instance)
 
     def _read_truth(
-        self, source: ScanFile, cloud: Cloud
+        self, source: ScanSource, cloud: Cloud
     ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Read the labels of a scan and check that they are those of its points."""
-        path = self._truth / source.path.name
+        path = self._truth / source.name
         truth = read_cloud(path)
         if not truth.classes:
             raise InputError(path, "no semantic, instance or class table", "all three", _REMEDY)
@@ -143,7 +143,7 @@ class Replay:
         return self.map.sample_context(ids, self.settings.context_window, uniform)
 
 
-def list_scans(area: Path) -> list[ScanFile]:
+def list_scans(area: Path) -> Sequence[ScanSource]:
     """List the scans of a ray-traced area with their poses, in order.
 
     Args:
@@ -159,8 +159,8 @@ def list_scans(area: Path) -> list[ScanFile]:
         )
     scans = open_recording(area / "scans", area / "poses.csv")
     for source in scans:
-        if not (area / "gt" / source.path.name).is_file():
-            raise InputError(area, f"no gt/{source.path.name}", "the truth of every scan", _REMEDY)
+        if not (area / "gt" / source.name).is_file():
+            raise InputError(area, f"no gt/{source.name}", "the truth of every scan", _REMEDY)
     return scans
 
 

@@ -212,7 +212,7 @@ def area_fingerprint(area: Path, settings: SampleSettings) -> str:
         digest.update(record.read_bytes() if record.is_file() else b"")
 
     for source in list_scans(area):
-        for path in (source.path, area / "gt" / source.path.name):
+        for path in (source.path, area / "gt" / source.name):
             facts = path.stat()
             digest.update(
                 f"{path.parent.name}/{path.name} {facts.st_size} {facts.st_mtime_ns}\n".encode()

@@ -1,0 +1,127 @@
+"""Scans that are files of their own, and which files of a folder are scans."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.choices import Frame
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.natural_order import natural_key
+from mcpseg_cli.formats.scan_source import check_names
+
+STATION_SUFFIXES = (".e57", ".ptx")  # files of several scans, each with its pose
+_ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing else is
+_RUN = "state.sqlite"  # what lies in the folder of a run
+
+
+@dataclass(frozen=True)
+class ScanFile:
+    """One scan of a recording that is a file of its own.
+
+    Attributes:
+        path: The file.
+        pose: (4, 4) float64, sensor to map; None where it has none.
+        folder: The recording that ``name`` is a path below; None for the file's own folder.
+        stamp: When it was taken, seconds; None where nothing says so.
+        frame: Frame of its coordinates, where its kind says so.
+    """
+
+    path: Path
+    pose: NDArray[np.float64] | None
+    folder: Path | None = None
+    stamp: float | None = None
+    frame: Frame | None = None
+
+    @property
+    def name(self) -> str:
+        """Its path below the recording: a file name, or ``run1/000000.ply``."""
+        folder = self.path.parent if self.folder is None else self.folder
+        return self.path.relative_to(folder).as_posix()
+
+    def with_pose(self, pose: NDArray[np.float64] | None) -> ScanFile:
+        """Return the same scan with another pose."""
+        return replace(self, pose=pose)
+
+    def in_frame(self, frame: Frame) -> ScanFile:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)
+
+    def read(self) -> Cloud:
+        """Read its points, see ``read_cloud``."""
+        return read_cloud(self.path)
+
+    def fingerprint(self) -> Fingerprint:
+        """Take the fingerprint of its file."""
+        return Fingerprint.of(self.path)
+
+    def is_still(self, kept: Fingerprint) -> bool:
+        """Tell whether its file is still what it was."""
+        return kept.matches(self.path)
+
+
+def list_clouds(directory: Path) -> list[Path]:
+    """List the cloud files of a folder in natural order: ``scan_2`` before ``scan_10``.
+
+    Args:
+        directory: The folder; its sub-folders are gone through only where it has no cloud itself.
+
+    Raises:
+        InputError: Not a folder, no cloud in it, or two clouds whose names differ only in their
+            ending.
+    """
+    return _list(directory, (*CLOUD_SUFFIXES, *READ_ONLY_SUFFIXES))
+
+
+def list_scans(directory: Path) -> list[Path]:
+    """List the files of a folder that hold scans, those of several stations among them.
+
+    Args:
+        directory: As for ``list_clouds``.
+
+    Raises:
+        InputError: As for ``list_clouds``.
+    """
+    return _list(directory, (*CLOUD_SUFFIXES, *READ_ONLY_SUFFIXES, *STATION_SUFFIXES))
+
+
+def _list(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    if not directory.is_dir():
+        found = "a file" if directory.exists() else "no such folder"
+        raise InputError(directory, found, "a folder of scans", "check the path")
+    paths = _files_below(directory, suffixes)
+    if not paths:
+        expected = f"files ending in {', '.join(suffixes)}"
+        raise InputError(directory, f"no scans{_instead(directory)}", expected, "check the path")
+
+    # each scan has one name, by which reports and poses know it
+    check_names(directory, [ScanFile(path, None, directory) for path in paths])
+    return paths
+
+
+def _files_below(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """List the scans of a folder; of its sub-folders where it has none, runs left out."""
+    entries = sorted(directory.iterdir(), key=lambda path: natural_key(path.name))
+    entries = [path for path in entries if path.name[0] != "."]
+    files = [path for path in entries if path.is_file() and path.suffix.lower() in suffixes]
+
+    sure = [path for path in files if path.suffix.lower() not in _ALSO_OTHER_THINGS]
+    if sure or files:
+        return sure or files
+    folders = [path for path in entries if path.is_dir() and not (path / _RUN).exists()]
+    return [path for folder in folders for path in _files_below(folder, suffixes)]
+
+
+def _instead(directory: Path) -> str:
+    """Say what is in a folder: its most frequent endings."""
+    files = [path for path in directory.rglob("*") if path.is_file() and path.name[0] != "."]
+    endings = Counter("".join(path.suffixes[-2:]) or "without ending" for path in files)
+    if not endings:
+        return ", an empty folder" if not any(directory.iterdir()) else ""
+    return ", but " + ", ".join(f"{count:,} {ending}" for ending, count in endings.most_common(3))
