@@ -12,7 +12,7 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
 from mcpseg_cli.formats.natural_order import natural_key
-from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.formats.poses import Poses, read_poses
 from mcpseg_cli.grid import MAX_VOXEL
 from mcpseg_cli.scan import Scan, to_map_frame
 
@@ -101,7 +101,7 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
 
 
 def _pair_by_name(
-    poses_path: Path, paths: list[Path], table: PoseTable, scans: tuple[str, ...]
+    poses_path: Path, paths: list[Path], table: Poses, scans: tuple[str, ...]
 ) -> list[ScanFile]:
     """Find the pose of every scan and a scan for every pose."""
     rows = {name: row for row, name in enumerate(scans)}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.formats.poses import Poses, read_poses
 
 FUZZ = settings(
     max_examples=250,
@@ -202,7 +202,7 @@ def read_or_refuse(path: Path) -> None:
     assert_sound(table)
 
 
-def assert_sound(table: PoseTable) -> None:
+def assert_sound(table: Poses) -> None:
     assert table.poses.shape == (len(table), 4, 4)
     assert len(table) > 0
     assert np.isfinite(table.poses).all()
