@@ -8,17 +8,16 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.poses import Poses
 from mcpseg_cli.formats.scan_names import match_names, match_numbers, varying_numbers
+from mcpseg_cli.formats.time_pairing import choose_reading, in_time, match_times
 from mcpseg_cli.formats.time_stamps import Reading, readings
 
 MAX_GAP_S = 0.05
 """Seconds from a scan to the nearest pose: at walking speed, half a voxel."""
 
-_SAME_S = 1e-4  # seconds that rounding may make of one moment
 _AHEAD = 3  # poses that a growing recording may have before their scans
 
 
@@ -30,6 +29,7 @@ class Pairing:
         poses: (S, 4, 4) float64, sensor to map, metres; NaN for a scan without one.
         how: How they were paired, in words.
         unpaired: Why a scan has no pose, by scan.
+        awaited: Those of them whose pose could still come.
         surplus: Poses of scans that are not there, as the file calls them.
         order: (S,) scans in the order in which they were taken.
     """
@@ -37,6 +37,7 @@ class Pairing:
     poses: NDArray[np.float64]
     how: str
     unpaired: dict[int, str] = field(default_factory=dict)
+    awaited: frozenset[int] = frozenset()
     surplus: tuple[str, ...] = ()
     order: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
 
@@ -78,7 +79,7 @@ def pair(
     known = [Reading(stamps, "time stamps of the scans")] if stamps is not None else None
     ways = known if known is not None else list(readings([_stem(scan) for scan in scans]))
     if poses.stamps is not None:
-        chosen = _choose(ways, poses.stamps, max_gap)
+        chosen = choose_reading(ways, poses.stamps, max_gap)
         if chosen is not None:
             return _by_time(chosen, poses, max_gap, source, is_growing=is_growing)
     if poses.scans is not None:
@@ -106,16 +107,10 @@ def _by_rows(scans: Sequence[str], poses: Poses, rows: NDArray[np.intp], told: s
         elif row in poses.lost:
             unpaired[scan] = poses.lost[row]
     taken = set(rows.tolist())
-    left = [row for row in range(len(poses)) if row not in taken]
-    names: Sequence[object] = (
-        poses.scans
-        if poses.scans is not None
-        else poses.ids.tolist()
-        if poses.ids is not None
-        else []
-    )  # noqa: E501
-    surplus = tuple(str(names[row]) for row in left)
-    return Pairing(paired, told, unpaired, surplus, np.arange(len(scans)))
+    names = poses.scans or ()
+    surplus = tuple(name for row, name in enumerate(names) if row not in taken)
+    missing = frozenset(np.flatnonzero(rows < 0).tolist())
+    return Pairing(paired, told, unpaired, missing, surplus, np.arange(len(scans)))
 
 
 def _numbered(scans: Sequence[str], poses: Poses) -> NDArray[np.intp] | None:
@@ -134,116 +129,15 @@ def _numbered(scans: Sequence[str], poses: Poses) -> NDArray[np.intp] | None:
     return rows
 
 
-# --- time ---
-
-
-def _choose(ways: Sequence[Reading], stamps: NDArray[np.float64], max_gap: float) -> Reading | None:
-    """Choose the way to read the scans' time stamps that the poses' confirm; None if none."""
-    known = np.sort(stamps)
-    shares = [np.abs(_nearest(known, way.stamps) - way.stamps) for way in ways]
-
-    # counters are time stamps only where each hits a pose's
-    sure = []
-    for way, gaps in zip(ways, shares, strict=True):
-        if way.is_sure:
-            sure.append((way, gaps))
-        elif (gaps <= max(_SAME_S, way.unit / 2)).all() and _is_no_counter(way, known):
-            sure.append((way, gaps))
-    exact = [((gaps <= _SAME_S).mean(), way) for way, gaps in sure]
-    best = max((share for share, _ in exact), default=0.0)
-    if best >= 0.5:
-        return next(way for share, way in exact if share == best)
-    near = [((gaps <= max_gap).mean(), way) for way, gaps in sure]
-    half = next((way for share, way in near if share >= 0.5), None)
-    best = max((share for share, _ in near), default=0.0)
-    return half or next((way for share, way in near if share == best and share > 0), None)
-
-
-def _is_no_counter(way: Reading, known: NDArray[np.float64]) -> bool:
-    """Tell time stamps from numbers 0, 1, 2 …, which hit poses that are dense enough."""
-    steps = np.diff(np.sort(way.stamps))
-    is_counter = len(steps) == 0 or bool(np.allclose(steps, way.unit))
-    are_whole = bool((known == np.round(known)).all())
-    return (way.unit == 1.0 and are_whole) if is_counter or way.unit == 1.0 else True
-
-
-def _nearest(known: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the nearest of (P,) sorted values to each of (S,) times."""
-    after = np.searchsorted(known, times).clip(0, len(known) - 1)
-    before = (after - 1).clip(0)
-    nearer = np.abs(known[before] - times) <= np.abs(known[after] - times)
-    nearest: NDArray[np.float64] = np.where(nearer, known[before], known[after])
-    return nearest
-
-
 def _by_time(
     reading: Reading, poses: Poses, max_gap: float, source: Path | str, *, is_growing: bool
 ) -> Pairing:
-    """Pair scans with the poses before and after them; each on its own, whatever comes later."""
-    poses = _in_time(poses, source)
-    known = poses.stamps
-    assert known is not None
-    times = reading.stamps
-    paired = np.full((len(times), 4, 4), np.nan)
-    unpaired = {}
-    num_between = 0
-    for scan, time in enumerate(times.tolist()):
-        after = int(np.searchsorted(known, time))
-        near = [row for row in (after - 1, after) if 0 <= row < len(known)]
-        nearest = min(near, key=lambda row: abs(known[row] - time))
-        gap = abs(known[nearest] - time)
-        if gap > _SAME_S and after == len(known) and is_growing:
-            unpaired[scan] = "the poses have not come so far"
-        elif gap > max_gap:
-            unpaired[scan] = f"the nearest is {gap:.3g} s away"
-        elif nearest in poses.lost:
-            unpaired[scan] = poses.lost[nearest]
-        elif gap > _SAME_S and _can_interpolate(near, time, poses, max_gap):
-            paired[scan] = _between(poses, near[0], time)
-            num_between += 1
-        else:
-            paired[scan] = poses.poses[nearest]
-    told = f"by time, {reading.told}, within {max_gap:g} s"
-    told += f" ({num_between:,} between two poses)" if num_between else ""
-    order = np.argsort(times, kind="stable")
-    return Pairing(paired, told, unpaired, (), order)
-
-
-def _in_time(poses: Poses, source: Path | str) -> Poses:
-    """Sort poses by time; two of one moment must not differ."""
-    assert poses.stamps is not None
-    poses = poses.select(np.argsort(poses.stamps, kind="stable"))
-    stamps = poses.stamps
-    assert stamps is not None
-    again = np.flatnonzero(np.diff(stamps) == 0) + 1
-    differ = [row for row in again if not np.array_equal(poses.poses[row], poses.poses[row - 1])]
-    if differ:
-        found = f"poses that differ at the same time, {stamps[differ[0]]:.6f} s"
-        remedy = "write time stamps with all their digits, or remove all but one"
-        raise InputError(source, found, "one pose a moment", remedy)
-    return poses.select(np.setdiff1d(np.arange(len(poses)), again)) if len(again) else poses
-
-
-def _can_interpolate(near: list[int], time: float, poses: Poses, max_gap: float) -> bool:
-    """Tell whether there is a pose on either side, near enough."""
-    stamps = poses.stamps
-    assert stamps is not None
-    return len(near) == 2 and all(
-        abs(stamps[row] - time) <= 2 * max_gap and row not in poses.lost for row in near
-    )
-
-
-def _between(poses: Poses, before: int, time: float) -> NDArray[np.float64]:
-    """Interpolate between a pose and the next: positions along the line, turns about one axis."""
-    assert poses.stamps is not None
-    first, second = poses.poses[before], poses.poses[before + 1]
-    start, end = poses.stamps[before], poses.stamps[before + 1]
-    share = (time - start) / (end - start)
-    turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
-    pose = np.eye(4)
-    pose[:3, :3] = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
-    pose[:3, 3] = (1 - share) * first[:3, 3] + share * second[:3, 3]
-    return pose
+    """Pair scans with the poses of their moments."""
+    match = match_times(reading.stamps, in_time(poses, source), max_gap, is_growing=is_growing)
+    between = f" ({match.num_between:,} between two poses)" if match.num_between else ""
+    told = f"by time, {reading.told}, within {max_gap:g} s{between}"
+    order = np.argsort(reading.stamps, kind="stable")
+    return Pairing(match.poses, told, match.unpaired, match.awaited, (), order)
 
 
 # --- order ---

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ _EARLIEST, _LATEST = 1e8, 4e9  # seconds: 1973 to 2096
 _LONGEST = 30 * 86400.0  # seconds that a recording may take
 _SECOND_DIGITS = 10  # of the seconds of today
 _FLOAT_DIGITS = 7  # behind the point of such seconds, as a float has them
+_SAME_UNIT = 1e-6  # seconds
+_SURE_DIGITS = 3  # behind the point: no version, no counter
 _DATE = re.compile(
     r"(?P<y>(?:19|20)\d\d)[-_.]?(?P<mo>\d\d)[-_.]?(?P<d>\d\d)[-_.Tt ]?(?P<h>\d\d)[-_.:h]?"
     r"(?P<mi>\d\d)[-_.:m]?(?P<s>\d\d)(?:[-_.,](?P<f>\d{1,9}))?(?!\d)"
@@ -78,7 +81,7 @@ def _all_readings(stems: Sequence[str]) -> Iterator[Reading]:
     whole = [re.findall(r"\d+", stem) for stem in stems]
     if len({len(row) for row in whole}) == 1:
         columns = list(zip(*whole, strict=True))
-        for seconds, fractions in zip(columns, columns[1:], strict=False):
+        for seconds, fractions in pairwise(columns):
             if all(len(word) == _SECOND_DIGITS for word in seconds):
                 yield from _of_pairs(seconds, fractions)
 
@@ -105,19 +108,20 @@ def _of_numbers(words: Sequence[str]) -> Iterator[Reading]:
     if all("." in word for word in words):
         parts = [word.split(".") for word in words]
         fractions = [fraction for _, fraction in parts]
-        decimal = Reading(values, "seconds in names")
+        digits = max(map(len, fractions))
+        is_sure = _is_epoch(values) or digits >= _SURE_DIGITS
+        decimal = Reading(values, "seconds in names", is_sure, 10.0**-digits)
         if _is_epoch(values) and _may_lack_zeros(fractions):
             padded = _joined([part for part, _ in parts], fractions, 1e-9)
-            yield from (
-                (padded, decimal) if max(map(len, fractions)) > _FLOAT_DIGITS else (decimal, padded)
-            )  # noqa: E501
+            is_long = max(map(len, fractions)) > _FLOAT_DIGITS
+            yield from (padded, decimal) if is_long else (decimal, padded)
         else:
             yield decimal
         return
 
     # whole numbers, or some that lost the zeros behind the point
     if any("." in word for word in words):
-        yield Reading(values, "seconds in names")
+        yield Reading(values, "seconds in names", _is_epoch(values), _SAME_UNIT)
         return
     for unit, called in ((1.0, "seconds"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")):
         is_sure = _is_epoch(values * unit) and len(lengths) == 1

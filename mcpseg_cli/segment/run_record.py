@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 
@@ -34,6 +34,7 @@ class RunOptions:
         on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
         offline: Whether all scans are labelled together, when the last is read.
         command: The command line, for the record.
+        pairing: How scans and poses were paired, for the record.
     """
 
     frame: Frame = "map"
@@ -41,6 +42,7 @@ class RunOptions:
     on_error: OnError = "stop"
     offline: bool = False
     command: Sequence[str] = ()
+    pairing: Mapping[str, JsonValue] = field(default_factory=dict)
 
 
 class RunConfiguration(SegmentSettings):
@@ -89,6 +91,7 @@ class RunRecord(BaseModel):
         mcpseg: Version that wrote it.
         python: Version of Python.
         command: The command line.
+        pairing: How scans and poses were paired, and what the pose file was taken for.
         method: The network's architecture, or ``region-growing``.
         configuration: What decided the outputs.
         weights: Name, hash and description of the weights; None without any.
@@ -101,6 +104,7 @@ class RunRecord(BaseModel):
     mcpseg: str = ""
     python: str = ""
     command: tuple[_Words, ...] = ()
+    pairing: dict[str, JsonValue] = {}
     method: str = ""
     configuration: RunConfiguration
     weights: dict[str, JsonValue] | None = None
@@ -118,6 +122,7 @@ class RunRecord(BaseModel):
             mcpseg=__version__,
             python=platform.python_version(),
             command=tuple(options.command),
+            pairing=dict(options.pairing),
             method=segmenter.method.name,
             configuration=RunConfiguration.of(segmenter, options),
             weights=described,
