@@ -104,6 +104,11 @@ def columns_of(words: Sequence[str]) -> Columns:
         if word.parts == ("w",) and all(name in places for name in QUATERNION[:3]):
             places.setdefault("qw", place)
 
+    # a rotation by its entries and a position by its axes
+    if all(name in places for name in (*MATRIX[:3], *MATRIX[4:7], *MATRIX[8:11], *POSITION)):
+        for name, axis in zip(MATRIX[3::4], POSITION, strict=True):
+            places.setdefault(name, places[axis])
+
     stamps, unit = _stamps(taken, meanings)
     angles = [taken[places[name]] for name in ANGLES if name in places]
     return Columns(places | stamps, tuple(words), unit, _is_degrees(angles), tuple(twice))

@@ -63,7 +63,7 @@ def stated_by_comment(
         separator: What parts the data's words.
     """
     for number, comment in reversed(comments):
-        for text in (comment, *re.split(r"[:=]", comment, maxsplit=1)[1:]):
+        for text in (*re.split(r"[:=]", comment, maxsplit=1)[1:], comment):
             for words in _ways_to_split(text, separator, num_columns):
                 stated = stated_by_header(words, f"line {number} says")
                 if stated and _is_possible(stated.columns, num_columns):

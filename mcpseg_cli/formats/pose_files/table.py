@@ -72,6 +72,8 @@ def read_table(
     # a header, a comment that says what the columns are, or what their numbers show
     _, first = data[0]
     header = split_words(re.sub(r"\s+(?=\[)", "", first), separator_of(first))
+    if len(header) > 1 and not header[-1]:  # a separator at the end
+        header.pop()
     statement = stated_by_header(header, "its header says")
     if statement is None and not _is_data(header):
         statement = Statement(columns_of(header), "")
@@ -103,6 +105,8 @@ def _rows_of(path: Path, lines: list[tuple[int, str]], num_columns: int, where: 
     separator = separator_of(lines[0][1])
     words = [split_words(line, separator) for _, line in lines]
     for (number, _), row in zip(lines, words, strict=True):
+        if len(row) == num_columns + 1 and not row[-1]:
+            row.pop()
         if len(row) != num_columns:
             found = f"line {number} has {len(row)} columns"
             raise InputError(path, found, f"{num_columns} as {where}", "mend the line")

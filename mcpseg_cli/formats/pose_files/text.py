@@ -80,7 +80,7 @@ def separator_of(line: str) -> str | None:
 
 
 def split_words(line: str, separator: str | None) -> list[str]:
-    """Part a line into words without their quotes; one separator at the end says nothing."""
+    """Part a line into words without their quotes."""
     if '"' in line:
         try:
             reader = csv.reader([line], delimiter=separator or " ", skipinitialspace=True)
@@ -89,10 +89,7 @@ def split_words(line: str, separator: str | None) -> list[str]:
             words = line.split(separator)
     else:
         words = line.split(separator)
-    words = [word.strip() for word in words]
-    if separator is not None and len(words) > 1 and not words[-1]:
-        words.pop()
-    return words
+    return [word.strip() for word in words]
 
 
 def to_number(word: str) -> float | None:
