@@ -122,7 +122,7 @@ class GrowingFolder:
 
     def _has_changed(self) -> bool:
         """Look at all files that were not taken yet; tell whether any is new or another."""
-        now, before = monotonic(), self.changed
+        now, has_changed = monotonic(), False
         taken = {source.path.name for source in self.given}
         try:
             paths = list_clouds(self.directory)
@@ -138,12 +138,14 @@ class GrowingFolder:
             known = self._seen.get(path.name)
             if known is None or known[0] != status:
                 self._seen[path.name] = status, now
-                self.changed = now
+                has_changed = True
 
         status_of_poses = _status_of_all(self.poses_path)
         if status_of_poses != self._pose_status:
-            self._pose_status, self.changed = status_of_poses, now
-        return self.changed != before
+            self._pose_status, has_changed = status_of_poses, True
+        if has_changed:
+            self.changed = now
+        return has_changed
 
     def _pair(self, *, is_over: bool) -> None:
         """Pair what is there; what is wrong may come right while the recording grows."""

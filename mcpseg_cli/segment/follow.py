@@ -14,6 +14,8 @@ from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
 _PAUSE_S = 0.05  # from look to look; longer where looking takes long
 
+_QUIET_S = 2.0  # after which the first scans are all there are for now
+
 
 def consumed_scans(output: Path) -> list[str]:
     """Return the file names of the scans that a run has consumed; none where there is no run.
@@ -38,7 +40,7 @@ def wait_for_scans(
 
     Args:
         folder: The recording.
-        count: So many scans are enough.
+        count: So many scans are enough; fewer where no more come for some seconds.
         idle_s: Seconds without a change after which what is there is enough; None for ever.
         told: Called with what it waits for.
 
@@ -49,7 +51,8 @@ def wait_for_scans(
         InputError: Nothing came, or it does not fit together.
     """
     for scans in _looks(folder, lambda: False, idle_s, told):
-        if len(scans) >= count:
+        is_quiet = monotonic() - folder.changed > _QUIET_S
+        if len(scans) >= count or (scans and is_quiet):
             return scans
     return folder.look(is_over=True)
 

@@ -519,7 +519,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
     def refuse(*_):
         raise RuntimeError(said)
 
-    monkeypatch.setattr("mcpseg_cli.formats.recording.open_recording", refuse)
+    monkeypatch.setattr("mcpseg_cli.formats.recording.pair_recording", refuse)
     words = ["segment", str(tmp_path), str(tmp_path / "poses.csv"), "-o", str(tmp_path / "out")]
     result = invoke(*words)
     assert result.exit_code == 1
