@@ -49,7 +49,11 @@ def segment(
         ),
     ],
     poses: Annotated[
-        Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")
+        Path,
+        typer.Argument(
+            metavar="POSES",
+            help="Pose file: CSV with a header, TUM, EuRoC, KITTI, COLMAP or others.",
+        ),
     ],
     output: OutputFolder,
     weights: WeightsName = None,

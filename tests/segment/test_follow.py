@@ -1,6 +1,7 @@
 """``segment --follow``: labelled while it is written, the same as labelled afterwards."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -71,12 +72,17 @@ def test_a_followed_run_that_is_killed_goes_on(growing, weights_path):
 
 
 def test_ctrl_c_ends_following(recording, tmp_path, weights_path):
-    words = ("segment", *recording, "-o", tmp_path / "out", "-w", weights_path, "--follow")
-    with start(*words, "--range", "2", "--idle", "300", stderr=subprocess.PIPE) as process:
-        wait_until(lambda: (tmp_path / "out/run.json").exists(), process)
-        time.sleep(0.1)
-        process.send_signal(signal.SIGINT)
-        assert process.wait(MOST_S) in (0, 130)
+    def interrupt() -> None:
+        while num_events(tmp_path / "out") < 4:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    waiting = threading.Thread(target=interrupt)
+    waiting.start()
+    result = segment(recording, tmp_path / "out", "-w", weights_path, "--follow")
+    waiting.join()
+    assert result.exit_code == 0  # nothing that is there was left out
+    assert re.search(r"^scans +4$", result.stdout, re.MULTILINE)
     assert (tmp_path / "out/objects.json").exists()
 
 
