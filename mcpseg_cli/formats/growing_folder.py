@@ -174,7 +174,10 @@ class GrowingFolder:
             if place >= len(scans) or scans[place].path != before.path:
                 found = f"{before.path.name} is gone, or others have come before it"
                 raise InputError(self.directory, found, "new scans after the labelled ones", remedy)
-            if not before.lost and not np.array_equal(scans[place].pose, before.pose):
+            if scans[place].lost and not before.lost:  # the file is perhaps just being written
+                found = f"no pose for {before.path.name}, which is labelled"
+                self.problem = InputError(self.poses_path, found, "poses that stay", remedy)
+            elif not before.lost and not np.array_equal(scans[place].pose, before.pose):
                 found = f"the pose of {before.path.name} has changed since it was labelled"
                 raise InputError(self.poses_path, found, "poses that stay", remedy)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.poses import Poses
-from mcpseg_cli.formats.scan_names import match_names, match_numbers, varying_numbers
+from mcpseg_cli.formats.scan_names import bare_name, match_names, match_numbers, varying_numbers
 from mcpseg_cli.formats.time_pairing import choose_reading, in_time, match_times
 from mcpseg_cli.formats.time_stamps import Reading, readings
 
@@ -69,7 +69,8 @@ def pair(
         InputError: Nothing says which pose belongs to which scan, or what does contradicts itself.
     """
     named = match_names(scans, poses.scans) if poses.scans is not None else None
-    if named is not None:
+    poses, is_by_names = _timed_by_names(poses)
+    if named is not None and not (is_by_names and (named[0] < 0).any()):
         return _by_rows(scans, poses, *named)
     numbered = _numbered(scans, poses)
     if numbered is not None:
@@ -77,11 +78,13 @@ def pair(
 
     # time, as the recording or the names of its scans have it
     known = [Reading(stamps, "time stamps of the scans")] if stamps is not None else None
-    ways = known if known is not None else list(readings([_stem(scan) for scan in scans]))
+    ways = known if known is not None else list(readings([bare_name(scan) for scan in scans]))
     if poses.stamps is not None:
         chosen = choose_reading(ways, poses.stamps, max_gap)
         if chosen is not None:
             return _by_time(chosen, poses, max_gap, source, is_growing=is_growing)
+    if named is not None:
+        return _by_rows(scans, poses, *named)
     if poses.scans is not None:
         found = f"no pose for scan {scans[0]} (names are like {poses.scans[0]!r})"
         raise InputError(source, found, "a row for every scan", "add it or remove the scan")
@@ -89,11 +92,16 @@ def pair(
     return _by_order(scans, sure, poses, max_gap, source, is_growing=is_growing)
 
 
-def _stem(name: str) -> str:
-    return Path(name).stem
-
-
 # --- names ---
+
+
+def _timed_by_names(poses: Poses) -> tuple[Poses, bool]:
+    """Take the time stamps of poses from their names, where there are no others."""
+    if poses.stamps is not None or poses.scans is None:
+        return poses, False
+    ways = readings([bare_name(name) for name in poses.scans])
+    reading = next((way for way in ways if way.is_sure), None)
+    return (replace(poses, stamps=reading.stamps), True) if reading else (poses, False)
 
 
 def _by_rows(scans: Sequence[str], poses: Poses, rows: NDArray[np.intp], told: str) -> Pairing:

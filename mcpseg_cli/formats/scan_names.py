@@ -30,7 +30,7 @@ def match_names(scans: Sequence[str], rows: Sequence[str]) -> tuple[NDArray[np.i
         scan has a row.
     """
     found = np.full(len(scans), -1, np.intp)
-    for left, right in ((_as_is, _as_is), (_stem, _as_is), (_base, _base), (_bare, _bare)):
+    for left, right in ((_as_is, _as_is), (_stem, _as_is), (_base, _base), (bare_name, bare_name)):
         _match_more(found, [left(scan) for scan in scans], [right(row) for row in rows])
     if (found >= 0).any():
         return found, "by name"
@@ -53,7 +53,7 @@ def match_numbers(scans: Sequence[str], rows: Sequence[str]) -> NDArray[np.intp]
 
 def varying_numbers(names: Sequence[str]) -> list[str | None]:
     """Return the number that differs from name to name; None for all where that is not one."""
-    parts = [re.split(r"(\d+)", _bare(name)) for name in names]
+    parts = [re.split(r"(\d+)", bare_name(name)) for name in names]
     if len({tuple(part[::2]) for part in parts}) != 1 or len(parts[0]) < 3:
         return [None] * len(names)
     columns = list(zip(*(part[1::2] for part in parts), strict=True))
@@ -97,16 +97,17 @@ def _base(name: str) -> str:
     return unicodedata.normalize("NFC", re.split(r"[\\/]", name.strip())[-1]).casefold()
 
 
-def _bare(name: str) -> str:
+def bare_name(name: str) -> str:
+    """Return a name without folders, case and endings."""
     return _ENDINGS.sub("", _base(name))
 
 
 def _without_zeros(name: str) -> str:
-    return re.sub(r"(?<![\d.])0+(?=\d)", "", _bare(name))
+    return re.sub(r"(?<![\d.])0+(?=\d)", "", bare_name(name))
 
 
 def _decimal(name: str) -> str | None:
-    text = _bare(name)
+    text = bare_name(name)
     if not re.fullmatch(r"\d+(?:\.\d+)?", text):
         return None
     try:

@@ -104,6 +104,8 @@ def _of_dates(found: Sequence[re.Match[str]]) -> Iterator[Reading]:
 def _of_numbers(words: Sequence[str]) -> Iterator[Reading]:
     """Read one number a name: seconds, or thousandths, millionths … of them, or both in one."""
     values = np.array([float(word) for word in words])
+    if any("." in word for word in words):
+        values = in_seconds(values)
     lengths = {len(word) for word in words}
     if all("." in word for word in words):
         parts = [word.split(".") for word in words]

@@ -43,7 +43,10 @@ def follow(folder: Path, rate: float, options: list[str], *, is_killed: bool) ->
     growing, out = folder / "growing", folder / "out"
     (growing / "scans").mkdir(parents=True)
     words = ("segment", growing / "scans", growing / "poses.csv", "-o", out, *options)
-    labelling = start(*words, "--follow", "--idle", "5", "-q")
+    labelling = start(*words, "--follow", "--idle", "5", stderr=subprocess.PIPE)
+    assert labelling.stderr is not None
+    while "waiting" not in labelling.stderr.readline():  # it is ready, as one that drives off is
+        assert labelling.poll() is None, "it failed"
     writing = [sys.executable, "-m", "tests.growing", folder / "whole", growing, str(rate)]
     with subprocess.Popen([*writing, folder / "complete.json"]) as writer:
         if is_killed:

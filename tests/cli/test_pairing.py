@@ -72,8 +72,7 @@ def test_a_run_whose_first_scan_had_no_pose_can_be_shown_and_continued(
     recording[1].write_text(recording[1].read_text().replace("000000,0.0,0.000", "000000,0.0,inf"))
     words = ("-w", weights_path, "--on-error", "skip", "--rerun", tmp_path / "live.rrd")
     assert segment(recording, tmp_path / "out", *words).exit_code == 0
-    shown = ("-o", tmp_path / "map.html", "-o", tmp_path / "map.png", "-o", tmp_path / "map.rrd")
-    assert invoke("export", tmp_path / "out", *shown).exit_code == 0
+    assert invoke("export", tmp_path / "out", "-o", tmp_path / "map.html").exit_code == 0
     assert "NaN" not in (tmp_path / "map.html").read_text()[:20_000]
     assert segment(recording, tmp_path / "out", *words[:-2]).exit_code == 0
 

@@ -147,6 +147,19 @@ def test_a_pose_that_changes_after_its_scan_was_taken_is_refused(folder, later) 
         folder.look()
 
 
+def test_a_pose_file_that_is_written_anew_is_waited_for(folder, later) -> None:
+    add_scan(folder, "0.ply")
+    add_scan(folder, "1.ply")
+    add_pose(folder, "0,1,2,3")
+    names_after(folder, later)
+    folder.take(folder.look()[0])
+    folder.poses_path.write_text(HEADER + "1,1,2,3\n")
+    assert names(folder) == []
+    assert "no pose for 0.ply, which is labelled" in str(folder.problem)
+    add_pose(folder, "0,1,2,3")
+    assert names(folder) == ["1.ply"]
+
+
 def test_a_scan_that_comes_before_taken_ones_is_refused(folder, later) -> None:
     add_scan(folder, "1.ply")
     add_pose(folder, "1,1,2,3", "0,1,2,3")

@@ -130,6 +130,7 @@ def spellings(times: NDArray[np.float64]) -> dict[str, list[str]]:
         "zeros dropped": [str(round(time, 6)) for time in times],
         "ns": [str(n) for n in ns],
         "us": [str(n // 10**3) for n in ns],
+        "ms with a point": [f"{n / 10**6:.6f}" for n in ns],
         "ms": [str(n // 10**6) for n in ns],
         "seconds and nanoseconds": [f"capture{n // 10**9}{n % 10**9}" for n in ns],
         "seconds_nanoseconds": [f"{n // 10**9}_{n % 10**9:09d}" for n in ns],
@@ -225,6 +226,14 @@ def test_two_poses_that_differ_at_one_moment_are_refused() -> None:
     names = [f"{time:.6f}.ply" for time in TIMES]
     with pytest.raises(InputError, match="poses that differ at the same time"):
         pair(names, None, table(9, stamps=np.append(TIMES, TIMES[2])))
+
+
+def test_names_of_poses_are_time_stamps_too() -> None:
+    dense = START + np.arange(60) / 30
+    poses = table(60, scans=tuple(f"rgb/{time:.6f}.png" for time in dense))
+    scans = START + np.array([0.0, 0.51, 1.03])  # the first has its pose by name, too
+    found = np.array(rows([f"{time:.6f}.ply" for time in scans], poses), float)
+    np.testing.assert_allclose(found, 30 * (scans - START), atol=1e-3)
 
 
 def test_time_stamps_of_the_recording_count_like_those_in_names() -> None:

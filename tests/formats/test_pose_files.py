@@ -138,6 +138,16 @@ FILES = {
         "scan,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx,ty,tz",
         *rows(lambda n, p: ",".join([f"{n:06d}", *words(*p[:3, :3].ravel()), *words(*p[:3, 3])])),
     ],
+    "CSV with a position of its own name and a bare quaternion": [
+        "time,tx,ty,tz,w,x,y,z",
+        *rows(lambda n, p: tum(n, p, ",", "w")),
+    ],
+    "CSV below a title": [
+        "Trajectory of Device 7",
+        "Exported 2024",
+        "name,x,y,z,qx,qy,qz,qw",
+        *rows(named),
+    ],
     "EuRoC": [EUROC_HEADER, *rows(euroc)],
     "EuRoC's ground truth": [
         "#timestamp, p_x [m], p_y, p_z, q_w, q_x, q_y, q_z, vx, vy, vz, bx, by, bz, ax, ay, az",
@@ -293,7 +303,8 @@ def test_the_binary_images_of_colmap_are_refused_with_what_to_do(tmp_path: Path)
 def test_a_folder_of_matrices_names_its_poses(tmp_path: Path, ending: str) -> None:
     for number, pose in enumerate(walk()):
         np.savetxt(tmp_path / f"frame-{number:06d}{ending}", pose)
-    (tmp_path / ".DS_Store").touch()
+    for name in (".DS_Store", "intrinsics.txt", "frame-000000.color.png"):
+        (tmp_path / name).write_text("1 2 3")
     poses = read_poses(tmp_path)
     np.testing.assert_allclose(poses.poses, walk(), atol=1e-12)
     assert poses.scans == tuple(f"frame-{number:06d}{ending}" for number in range(NUM_POSES))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def read_folder(folder: Path) -> Poses:
     """Read a folder with one file a pose, each called like its scan: a 4 x 4 matrix or ARKit JSON.
 
     Args:
-        folder: Other files and subfolders in it are passed over.
+        folder: Other files and subfolders in it are passed over, as are texts without a number in
+            their name, and all but ``NAME.pose.txt`` where there are such.
 
     Raises:
         InputError: No such file, or one that is no matrix.
@@ -98,6 +100,8 @@ def read_folder(folder: Path) -> Poses:
     files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
     files.sort(key=lambda path: natural_key(path.name))
     texts = [path for path in files if path.suffix.lower() in _TEXTS or _is_numbered(path)]
+    texts = [path for path in texts if ".pose" in path.name] or texts
+    texts = [path for path in texts if re.search(r"\d", path.name)] or texts
     frames = [path for path in files if path.suffix.lower() == JSON_ENDING]
     if not texts and frames:
         return read_frame_files(folder, frames)

@@ -86,7 +86,7 @@ def columns_of(words: Sequence[str]) -> Columns:
         words: Names of all columns, in order.
     """
     taken = [_taken_apart(word) for word in words]
-    meanings = _from_zero([_meaning(word) for word in taken])
+    meanings = _with_bare_quaternion(taken, _from_zero([_meaning(word) for word in taken]))
     places: dict[str, int] = {}
     twice = []
     for place, meaning in enumerate(meanings):
@@ -170,6 +170,19 @@ def _from_zero(meanings: list[str | None]) -> list[str | None]:
     return [
         f"m{int(name[1]) - 1}{int(name[2]) - 1}" if name in entries else name for name in meanings
     ]
+
+
+def _with_bare_quaternion(taken: list[_Word], meanings: list[str | None]) -> list[str | None]:
+    """Take x y z w for a quaternion where the position has names of its own: tx ty tz w x y z."""
+    bare = {word.parts[0]: place for place, word in enumerate(taken) if len(word.parts) == 1}
+    others = [name for place, name in enumerate(meanings) if place not in bare.values()]
+    fused = [meanings[place] for part, place in bare.items() if part not in "xyzw"]
+    if not all(axis in bare for axis in "xyzw") or not set(POSITION) <= {*others, *fused}:
+        return meanings
+    changed = list(meanings)
+    for axis in "xyzw":
+        changed[bare[axis]] = f"q{axis}"
+    return changed
 
 
 def _label(parts: tuple[str, ...]) -> str | None:

@@ -40,7 +40,8 @@ from mcpseg_cli.formats.time_stamps import in_seconds
 
 _NO_NUMBER = re.compile(r"[-+]?(?:nan|inf(?:inity)?)(?:\([a-z]*\))?|[-+]?1\.#\w+", re.IGNORECASE)
 _NOTHING = {"", "-", "null", "none", "na", "n/a"}
-_RIGHT_ANGLE = 2 * math.pi + 0.01  # angles beyond a full turn of radians are degrees
+_MOST_PREAMBLE = 20  # lines
+_FULL_TURN = 2 * math.pi + 0.01  # angles beyond a full turn of radians are degrees
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ def read_table(
     Raises:
         InputError: The columns cannot be told, or a line does not fit.
     """
+    data = _from_header(data)
+
     # a header, a comment that says what the columns are, or what their numbers show
     _, first = data[0]
     header = split_words(re.sub(r"\s+(?=\[)", "", first), separator_of(first))
@@ -90,6 +93,17 @@ def read_table(
     else:
         statement = judged(path, rows.words, comments, separator)
     return _build(rows, statement)
+
+
+def _from_header(data: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Leave out what some programs write above the header: their name, a date."""
+    for place, (_, line) in enumerate(data[:_MOST_PREAMBLE]):
+        words = split_words(line, separator_of(line))
+        if _is_data(words):
+            return data
+        if stated_by_header(words, ""):
+            return data[place:]
+    return data
 
 
 def _is_data(words: list[str]) -> bool:
@@ -182,7 +196,7 @@ def _in_radians(path: Path, columns: Columns, angles: NDArray[np.float64]) -> ND
     """Tell degrees from radians, by what is stated or by their size."""
     is_degrees = columns.is_degrees
     if is_degrees is None:
-        is_degrees = bool(np.nanmax(np.abs(angles)) > _RIGHT_ANGLE)
+        is_degrees = bool(np.nanmax(np.abs(angles)) > _FULL_TURN)
         if not is_degrees and np.nanmax(np.abs(angles)) > 0:
             found = "roll, pitch, yaw without a unit, none beyond 2 pi"
             expected = "degrees or radians, and which of them"
