@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.cli.following import Arriving
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -50,7 +52,8 @@ def segment(
         Path | None,
         typer.Argument(
             metavar="[POSES]",
-            help="Pose file: CSV with a header, TUM or KITTI.  [default: the recording's own]",
+            help="Pose file: CSV with a header, TUM, EuRoC, KITTI, COLMAP or others.  "
+            "[default: the recording's own]",
         ),
     ] = None,
     output: Annotated[
@@ -139,8 +142,31 @@ def segment(
         typer.Option(help="Format of the labelled scans; default: each scan's own."),
     ] = None,
     on_error: Annotated[
-        OnError, typer.Option(help="What to do about a scan that cannot be read.")
+        OnError,
+        typer.Option(help="What to do about a scan that cannot be read or has no pose."),
     ] = "stop",
+    max_time_gap: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.0,
+            help="How far a pose may be in time, where scans pair by their time stamps.",
+        ),
+    ] = 0.05,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow",
+            help="Wait for scans that are still being written, and label each once it is complete "
+            "and its pose is there, until Ctrl-C.",
+        ),
+    ] = False,
+    idle: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS", min=0.0, help="With --follow: end when nothing came for so long."
+        ),
+    ] = None,
     precision: Annotated[
         Precision, typer.Option(help="auto is bf16 where the processor has it.")
     ] = "auto",
@@ -174,8 +200,11 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
+      mcpseg segment scans/ poses.tum -o out/ --frame sensor --follow --idle 60
     """
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
+    if (offline and follow) or (idle is not None and not follow):
+        raise typer.BadParameter("--follow labels scan by scan, and --idle says when it ends")
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import TopicChoice, open_recording
 
@@ -188,26 +217,40 @@ def segment(
     given |= {"labelling": labelling, "clustering": clustering}
     given |= {"floor": floor, "seed": seed}
     settings = settings_of(SegmentSettings, given)
-    topics = TopicChoice(topic, pose_topic)
-    opened = open_recording(recording, poses, frame, topics=topics, on_error=on_error)
-    frame = opened.frame or frame
     folder = output or default_output(recording)
-    _tell_what_was_read(opened, folder, is_default=output is None, quiet=quiet)
+    opened = None
+    if not follow:
+        topics = TopicChoice(topic, pose_topic)
+        opened = open_recording(
+            recording, poses, frame, topics=topics, max_gap=max_time_gap, on_error=on_error
+        )
 
     from mcpseg_cli.incremental.methods import open_method
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+    from mcpseg_cli.segment.offline_run import label_offline
     from mcpseg_cli.segment.run import SegmentRun
     from mcpseg_cli.segment.run_record import RunOptions
 
     chosen = open_method(method, weights)
+    arriving = None
+    if opened is None:
+        if poses is None:
+            raise typer.BadParameter("--follow needs a pose file after the folder of scans")
+        kept = None if overwrite else folder
+        arriving = Arriving.of(recording, poses, frame, max_time_gap, kept)
+        opened = arriving.first(idle, quiet=quiet)
+    frame = opened.frame or frame
+    _tell_what_was_read(opened, folder, is_default=output is None, quiet=quiet)
     found = "as given" if local_range is not None else "the default"
     if is_auto or (local_range is None and _sees_rooms(chosen)):
         kept = None if overwrite else folder
         distance, found = _find_range(opened, frame, settings, kept, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(chosen, settings, precision=precision, device=device)
-    said = (opened.kind, *opened.notes)
-    options = RunOptions(frame, format, on_error, offline, sys.argv, said, topic)
+    options = RunOptions(
+        frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes), topic,
+        opened.pairing_as_json(),
+    )  # fmt: skip
 
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
@@ -216,16 +259,20 @@ def segment(
         )
         interrupt = entered.enter_context(Interrupt())
 
-        _tell_what_is_ahead(run, quiet=quiet)
+        _tell_what_is_ahead(run, arriving, quiet=quiet)
+        label = run.run if not offline else partial(label_offline, run)
+        if arriving:
+            label = partial(arriving.label, run, idle, quiet=quiet)
         tally = _label_pending(
-            run, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
+            run, label, interrupt, live, quiet=quiet, show_progress=not (quiet or as_json)
         )
+        opened = arriving.paired if arriving else opened
         _warn_of_far_points(tally, settings.local_range, quiet=quiet)
 
         if as_json:
-            typer.echo(json.dumps(_document(run, tally)))
+            typer.echo(json.dumps(_document(run, opened, tally)))
         else:
-            _print_summary(run, tally, range_from=found, verbose=verbose)
+            _print_summary(run, opened, tally, range_from=found, verbose=verbose)
 
     if interrupt.asked and len(run.records) < len(opened):
         _tell_how_to_continue(len(run.records), len(opened))
@@ -289,32 +336,36 @@ def _live_map(target: str, segmenter: IncrementalSegmenter) -> LiveMap:
     return LiveMap(target, segmenter.classes, segmenter.settings.voxel_size)
 
 
-def _tell_what_is_ahead(run: SegmentRun, *, quiet: bool) -> None:
+def _tell_what_is_ahead(run: SegmentRun, arriving: Arriving | None, *, quiet: bool) -> None:
     """Say what the weights warn of, and where the run goes on."""
     from mcpseg_cli.cli.display import notice
 
     weights = run.segmenter.method.weights
     if weights and weights.info.notice:
         notice(f"mcpseg: {weights.name}: {weights.info.notice}", quiet=quiet)
-    if not run.pending:
+    if not run.pending and not arriving:
         notice(f"mcpseg: nothing new: all {run.resumed_from:,} scans are labelled", quiet=quiet)
     elif run.resumed_from:
         notice(f"mcpseg: continuing after {run.resumed_from:,} scans", quiet=quiet)
 
 
 def _label_pending(
-    run: SegmentRun, interrupt: Interrupt, live: LiveMap | None, *, quiet: bool, show_progress: bool
+    run: SegmentRun,
+    label: Callable[[Callable[[], bool]], Iterator[ScanReport]],
+    interrupt: Interrupt,
+    live: LiveMap | None,
+    *,
+    quiet: bool,
+    show_progress: bool,
 ) -> _Tally:
     """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
     import numpy as np
 
     from mcpseg_cli.cli.display import notice, progress_bar
-    from mcpseg_cli.segment.offline_run import label_offline
 
     tally = _Tally()
     if live:
         live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
-    label = partial(label_offline, run) if run.options.offline else run.run
 
     try:
         with progress_bar("segment", quiet=not show_progress) as bar:
@@ -330,7 +381,8 @@ def _label_pending(
                 # what there is behind the bar
                 objects = f"{run.segmenter.clusters.num_objects:,} objects"
                 state = f"{report.num_points:,} points  {report.ms:.0f} ms  {objects}"
-                bar.update(task, advance=1, state=state)
+                total = run.resumed_from + len(run.pending)  # of a growing recording, so far
+                bar.update(task, advance=1, total=total, state=state)
     finally:
         run.write_objects()
     return tally
@@ -388,7 +440,7 @@ class _Tally:
         return {stage: median(ms[stage] for ms in self.stages) for stage in stages}
 
 
-def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
+def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str, object]:
     """Say what a run did, by name."""
     ms = tally.percentiles()
     return {
@@ -399,6 +451,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
         "points": tally.points,
         "points_labelled": tally.points_labelled,
         "skipped": _skipped(run),
+        "pairing": recording.pairing_as_json(),
         "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
         "peak_memory_mb": round(_peak_memory_mb(), 1),
@@ -408,7 +461,9 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
     }
 
 
-def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: bool) -> None:
+def _print_summary(
+    run: SegmentRun, recording: Recording, tally: _Tally, *, range_from: str, verbose: bool
+) -> None:
     """Print what a run did as a table."""
     from mcpseg_cli.cli.display import print_table
 
@@ -419,6 +474,7 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: 
         rows.append(("still to do", f"{pending:,}"))
     if skipped := _skipped(run):
         rows.append(("skipped", ", ".join(skipped)))
+    rows += [("poses", recording.columns), ("paired", recording.told)]
 
     # the map
     rows.append(("range", f"{run.segmenter.settings.local_range:g} m, {range_from}"))

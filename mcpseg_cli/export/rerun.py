@@ -83,26 +83,28 @@ class RerunLog:
 
         Args:
             number: Of the scan, from 0; the time.
-            pose: (4, 4) sensor to map, metres; NaN for a scan that was skipped for want of one.
+            pose: (4, 4) sensor to map, metres; NaN for a scan that had none.
             points: May be none.
         """
-        # the scanner, and the step that took it there
         rerun = self._rerun
         self._stream.set_time(TIMELINE, sequence=number)
-        if not np.isfinite(pose).all():
-            return
+        if np.isfinite(pose).all():
+            self._add_step(number, pose)
+        if len(points.xyz):
+            cloud = rerun.Points3D(
+                points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
+            )
+            self._stream.log(_entity(number), cloud, self._labels(points))
+
+    def _add_step(self, number: int, pose: NDArray[np.float64]) -> None:
+        """Tell where the scanner is, and the step that took it there."""
+        rerun = self._rerun
         self._stream.log("scanner", rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         if self._last_place is not None:
             step = np.stack([self._last_place, pose[:3, 3]])
             line = rerun.LineStrips3D([step], colors=[0xFF7A1AFF])
             self._stream.log(f"path/{number:06d}", line)
         self._last_place = pose[:3, 3].copy()
-
-        if len(points.xyz):
-            cloud = rerun.Points3D(
-                points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
-            )
-            self._stream.log(_entity(number), cloud, self._labels(points))
 
     def relabel(self, number: int, points: LabelledPoints) -> None:
         """Tell the labels that the points of an earlier scan have from now on.

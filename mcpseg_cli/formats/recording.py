@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Frame, OnError
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud
-from mcpseg_cli.formats.poses import PoseTable, read_poses
+from mcpseg_cli.formats.pairing import MAX_GAP_S, Pairing, pair
+from mcpseg_cli.formats.poses import Poses, read_poses
 from mcpseg_cli.formats.recordings import open_container
 from mcpseg_cli.formats.recordings.stations import open_stations
 from mcpseg_cli.formats.scan_files import STATION_SUFFIXES, ScanFile, list_clouds, list_scans
@@ -38,22 +39,23 @@ def open_recording(
     frame: Frame = "map",
     *,
     topics: TopicChoice = _ANY_TOPIC,
+    max_gap: float = MAX_GAP_S,
     on_error: OnError = "stop",
 ) -> Recording:
     """Find the scans of a recording and their poses; of clouds nothing but names is read yet.
 
     Args:
         path: Folder of scans, or of another layout; a bag, an E57 or PTX file.
-        poses_path: Pose file, instead of the poses that the recording holds; rows pair with scans
-            by its ``scan`` column (with or without ending), else by order. None: the recording's
-            own poses.
+        poses_path: Pose file, see ``read_poses``, instead of the poses that the recording holds.
         frame: Frame of the scans' coordinates, where their kind does not say; poses of scans in
             the sensor's frame need an orientation.
         topics: Which topics of a bag to take.
-        on_error: ``skip``: scans may be without a pose; whoever reads them will skip them.
+        max_gap: Seconds from a scan to the nearest pose, where they pair by time.
+        on_error: ``skip``: scans may be without a pose, and poses without a scan; whoever reads
+            the scans will skip those.
 
     Returns:
-        The scans in order.
+        The scans in natural order, or in order of time where their time stamps pair them.
 
     Raises:
         InputError: Names what is in the way: the scan without a pose, the pose without a scan,
@@ -69,10 +71,10 @@ def open_recording(
 
     # poses of a file of their own, else the recording's
     if poses_path is not None:
-        table = read_poses(poses_path)
-        _check_poses(poses_path, table, found_frame)
-        poses = _pair(poses_path, recording, table)
-        return recording.with_poses(poses)
+        paired = pair_with(recording, poses_path, found_frame, max_gap)
+        if on_error == "stop":
+            _check_whole(poses_path, paired)
+        return paired
     _check_own_poses(recording, on_error)
     return recording
 
@@ -105,9 +107,8 @@ def _list_folder(path: Path) -> Recording:
         poses = [path / f"poses.{ending}" for ending in ("csv", "txt", "tum")]
         poses = [file for file in poses if file.is_file()]
         if (path / name).is_dir() and len(poses) == 1:
-            inner = _list_folder(path / name)
-            table = read_poses(poses[0])
-            paired = inner.with_poses(_pair(poses[0], inner, table))
+            frame: Frame = "sensor" if name == "velodyne" else "map"
+            paired = pair_with(_list_folder(path / name), poses[0], frame, MAX_GAP_S)
             if name == "velodyne":
                 paired = paired.in_frame("sensor")
             note = f"{POSES_NOTE}{poses[0].name}, scans: {name}/"
@@ -123,16 +124,89 @@ def _list_folder(path: Path) -> Recording:
     return Recording(path, f"folder of scans ({', '.join(endings)})", tuple(scans))
 
 
-def _check_poses(poses_path: Path, table: PoseTable, frame: Frame) -> None:
-    """Refuse poses that scans cannot be moved by."""
-    if frame == "sensor" and not table.has_rotation:
+def pair_with(
+    recording: Recording,
+    poses_path: Path,
+    frame: Frame,
+    max_gap: float,
+    *,
+    is_growing: bool = False,
+) -> Recording:
+    """Pair the scans of a recording with the poses of a file.
+
+    Args:
+        recording: Scans; poses that they have are forgotten.
+        poses_path: Pose file, see ``read_poses``.
+        frame: Frame of the scans' coordinates.
+        max_gap: Seconds from a scan to the nearest pose, where they pair by time.
+        is_growing: More scans and poses are to come.
+
+    Returns:
+        The scans in the order in which they were taken; some perhaps without a pose.
+
+    Raises:
+        InputError: The poses cannot be read, lack what the frame needs, lie too far out, or
+            nothing says which belongs to which scan.
+        OSError: The pose file cannot be opened.
+    """
+    poses = read_poses(poses_path, recording.path, is_growing=is_growing)
+    check_poses(poses_path, poses, frame)
+    stamps = [source.stamp for source in recording if source.stamp is not None]
+    known = np.array(stamps) if len(stamps) == len(recording) else None
+    names = [source.name for source in recording]
+    pairing = pair(names, known, poses, max_gap, source=poses_path, is_growing=is_growing)
+    return _in_order(recording, pairing, poses)
+
+
+def _in_order(recording: Recording, pairing: Pairing, poses: Poses) -> Recording:
+    """Put scans in order, each with its pose."""
+    scans = tuple(
+        recording[scan].with_pose(
+            None if scan in pairing.unpaired else pairing.poses[scan],
+            pairing.unpaired.get(scan, ""),
+        )
+        for scan in pairing.order.tolist()
+    )
+    return replace(
+        recording,
+        scans=scans,
+        notes=tuple(note for note in recording.notes if not note.startswith(POSES_NOTE)),
+        no_poses=None,
+        paired=pairing.how,
+        columns=poses.columns,
+        awaited=frozenset(recording[scan].name for scan in pairing.awaited),
+        surplus=pairing.surplus,
+    )
+
+
+def check_poses(path: Path, poses: Poses, frame: Frame) -> None:
+    """See that scans of a frame can be moved by these poses.
+
+    Raises:
+        InputError: They lack what the frame needs, or lie too far out.
+    """
+    if frame == "sensor" and not poses.has_rotation:
         expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
-        raise InputError(poses_path, "positions only", expected, remedy)
-    _check_distance(poses_path, table.poses)
+        raise InputError(path, "positions only", expected, remedy)
+    _check_distance(path, poses.poses)
+
+
+def _check_whole(poses_path: Path, recording: Recording) -> None:
+    """Refuse scans without a pose and poses without a scan."""
+    lost = next((source for source in recording if source.pose is None), None)
+    if lost is not None:
+        found, remedy = f"no pose for scan {lost.name}: {lost.lost}", "add it or remove the scan"
+        by_time = ", or raise --max-time-gap" if recording.paired.startswith("by time") else ""
+        remedy += f"{by_time}, or give --on-error skip"
+        raise InputError(poses_path, found, "a pose for every scan", remedy)
+    if recording.surplus:
+        found = f"a pose for {recording.surplus[0]}, which is not among the scans"
+        remedy = "remove the row, or give --on-error skip"
+        raise InputError(poses_path, found, "a scan for every row", remedy)
 
 
 def _check_distance(path: Path, poses: NDArray[np.float64]) -> None:
-    farthest = np.abs(poses[:, :3, 3]).max()
+    farthest = np.nanmax(np.abs(poses[:, :3, 3]))
     if farthest >= MAX_COORDINATE:
         found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
         raise InputError(path, found, expected, _TOO_FAR)
@@ -147,6 +221,8 @@ def _check_own_poses(recording: Recording, on_error: OnError) -> None:
         expected = "a pose file after the recording"
         remedy = f"give it: {recording.path.name} POSES"
         raise InputError(recording.path, f"{recording.kind}, without poses", expected, remedy)
+    if on_error == "stop" and recording.surplus:
+        _check_whole(recording.path, recording)
     if missing and on_error != "skip":
         found = f"no pose for {len(missing):,} of {len(recording):,} scans, as {missing[0].name}"
         remedy = "give --on-error skip to leave these out"
@@ -154,43 +230,6 @@ def _check_own_poses(recording: Recording, on_error: OnError) -> None:
     _check_distance(
         recording.path, np.stack([pose_of(one) for one in recording if one.pose is not None])
     )
-
-
-def _pair(
-    poses_path: Path, recording: Recording, table: PoseTable
-) -> list[NDArray[np.float64] | None]:
-    """Find the pose of every scan: by name where the table has names, else by order."""
-    if table.scans is not None:
-        return _pair_by_name(poses_path, recording, table, table.scans)
-    if len(table) != len(recording):
-        found = f"{len(table):,} poses for {len(recording):,} scans in {recording.path}"
-        raise InputError(poses_path, found, "as many", "add a scan column or the missing rows")
-    return list(table.poses)
-
-
-def _pair_by_name(
-    poses_path: Path, recording: Recording, table: PoseTable, scans: tuple[str, ...]
-) -> list[NDArray[np.float64] | None]:
-    """Find the pose of every scan and a scan for every pose."""
-    rows = {name: row for row, name in enumerate(scans)}
-    poses: list[NDArray[np.float64] | None] = []
-    for source in recording:
-        name = next((name for name in _spellings(source.name) if name in rows), None)
-        if name is None:
-            found, remedy = f"no pose for scan {source.name}", "add it or remove the scan"
-            raise InputError(poses_path, found, "a row for every scan", remedy)
-        poses.append(table.poses[rows.pop(name)])
-
-    if rows:
-        found = f"a pose for {next(iter(rows))}, which is not among the scans"
-        raise InputError(poses_path, found, "a scan for every row", "remove the row")
-    return poses
-
-
-def _spellings(name: str) -> tuple[str, ...]:
-    """Give what a table may call a scan: with and without ending, with and without its folder."""
-    path = PurePath(name)
-    return name, str(path.with_suffix("")), path.name, path.stem
 
 
 def read_scan(source: ScanSource, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:

@@ -31,6 +31,7 @@ class ScanFile:
         folder: The recording that ``name`` is a path below; None for the file's own folder.
         stamp: When it was taken, seconds; None where nothing says so.
         frame: Frame of its coordinates, where its kind says so.
+        lost: Why it has no pose, where it is known.
     """
 
     path: Path
@@ -38,6 +39,7 @@ class ScanFile:
     folder: Path | None = None
     stamp: float | None = None
     frame: Frame | None = None
+    lost: str = ""
 
     @property
     def name(self) -> str:
@@ -45,9 +47,9 @@ class ScanFile:
         folder = self.path.parent if self.folder is None else self.folder
         return self.path.relative_to(folder).as_posix()
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> ScanFile:
-        """Return the same scan with another pose."""
-        return replace(self, pose=pose)
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> ScanFile:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)
 
     def in_frame(self, frame: Frame) -> ScanFile:
         """Return the same scan, known to be in a frame."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, overload
@@ -35,6 +35,10 @@ class ScanSource(Protocol):
         """(4, 4) float64, sensor to map, metres; None where it has none."""
 
     @property
+    def lost(self) -> str:
+        """Why it has no pose, where it is known."""
+
+    @property
     def stamp(self) -> float | None:
         """When it was taken, seconds; None where nothing says so."""
 
@@ -42,8 +46,8 @@ class ScanSource(Protocol):
     def frame(self) -> Frame | None:
         """Frame of its coordinates, where its kind says so."""
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> ScanSource:
-        """Return the same scan with another pose."""
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> ScanSource:
+        """Return the same scan with another pose, or with none and why."""
 
     def in_frame(self, frame: Frame) -> ScanSource:
         """Return the same scan, known to be in a frame."""
@@ -82,6 +86,10 @@ class Recording(Sequence[ScanSource]):
         scans: All scans, in the order they are labelled in.
         notes: How it was read where that was a choice; a line each.
         no_poses: Why none of its scans has a pose, where its kind could have held them.
+        paired: How scans and poses were paired, in words.
+        columns: What the poses were taken for, in words.
+        awaited: Names of scans without a pose that could still come.
+        surplus: Names of poses of no scan.
     """
 
     path: Path
@@ -89,6 +97,10 @@ class Recording(Sequence[ScanSource]):
     scans: tuple[ScanSource, ...]
     notes: tuple[str, ...] = ()
     no_poses: InputError | None = None
+    paired: str = "each scan has its own"
+    columns: str = "of the recording"
+    awaited: frozenset[str] = frozenset()
+    surplus: tuple[str, ...] = ()
 
     @overload
     def __getitem__(self, which: int) -> ScanSource: ...
@@ -113,17 +125,27 @@ class Recording(Sequence[ScanSource]):
         frames = {source.frame for source in self.scans}
         return frames.pop() if len(frames) == 1 else None
 
+    @property
+    def num_lost(self) -> int:
+        """Count the scans without a pose."""
+        return sum(source.pose is None for source in self.scans)
+
+    @property
+    def told(self) -> str:
+        """How scans and poses were paired, with how many were not."""
+        words = [self.paired]
+        words += [f"{self.num_lost:,} scans without a pose"] if self.num_lost else []
+        words += [f"{len(self.surplus):,} poses without a scan"] if self.surplus else []
+        return "; ".join(words)
+
+    def pairing_as_json(self) -> dict[str, str | int]:
+        """Say the same by name, for records."""
+        facts: dict[str, str | int] = {"how": self.paired, "poses": self.columns}
+        return facts | {"without_pose": self.num_lost, "without_scan": len(self.surplus)}
+
     def in_frame(self, frame: Frame) -> Recording:
         """Return the same scans, known to be in a frame."""
         return replace(self, scans=tuple(source.in_frame(frame) for source in self.scans))
-
-    def with_poses(self, poses: Iterable[NDArray[np.float64] | None]) -> Recording:
-        """Return the same scans with other poses, one each."""
-        scans = tuple(
-            source.with_pose(pose) for source, pose in zip(self.scans, poses, strict=True)
-        )
-        notes = tuple(note for note in self.notes if not note.startswith(POSES_NOTE))
-        return replace(self, scans=scans, notes=notes, no_poses=None)
 
 
 @dataclass(frozen=True)
@@ -146,7 +168,8 @@ def pose_of(source: ScanSource) -> NDArray[np.float64]:
         InputError: It has none.
     """
     if source.pose is None:
-        found, expected = f"no pose for scan {source.name}", "a pose for every scan"
+        why = f": {source.lost}" if source.lost else ""
+        found, expected = f"no pose for scan {source.name}{why}", "a pose for every scan"
         remedy = "remove the scan, or give --on-error skip"
         raise InputError(source.path, found, expected, remedy)
     return source.pose

@@ -122,9 +122,12 @@ class LabelledRun:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """(S, 4, 4) poses of all scans that have one, sensor to map, metres."""
+        """(S, 4, 4) poses of all scans, sensor to map, metres; of those without, the last known."""
         poses = np.stack([record.pose for record in self.scans])
-        return poses[np.isfinite(poses).all(axis=(1, 2))]
+        known = np.flatnonzero(np.isfinite(poses[:, 0, 3]))
+        latest = np.searchsorted(known, np.arange(len(poses)), side="right") - 1
+        last_known: NDArray[np.float64] = poses[known[latest.clip(0)]]
+        return last_known
 
     @cached_property
     def settings(self) -> dict[str, object]:

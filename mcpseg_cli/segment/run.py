@@ -163,11 +163,9 @@ class SegmentRun:
             try:
                 read = self.read(source)
             except (InputError, OSError) as error:
-                if self.options.on_error != "skip":
-                    raise
-                yield self._skip(source, error, started)
+                yield self.refuse(source, error, started)
             else:
-                yield self._label(read, started)
+                yield self.label(read, started)
 
     def read(self, source: ScanSource) -> ReadScan:
         """Read a scan as this run takes it.
@@ -197,8 +195,16 @@ class SegmentRun:
         if (self.segmenter.num_scans, len(self.segmenter.map)) == (num_used, num_voxels):
             self.outputs.write_objects(self.segmenter.objects())
 
-    def _label(self, read: ReadScan, started: float) -> ScanReport:
-        """Label a scan, commit it, then bring the outputs up to date."""
+    def label(self, read: ReadScan, started: float) -> ScanReport:
+        """Label a scan, commit it, then bring the outputs up to date.
+
+        Args:
+            read: The scan.
+            started: When its reading began, on the clock of ``perf_counter``.
+
+        Raises:
+            OutputError: The disk is full; all committed scans are kept.
+        """
         read_ms = 1e3 * (perf_counter() - started)
         update = self.segmenter.register_scan(read.scan)
         labels = self.segmenter.labels(update.point_ids)
@@ -235,8 +241,16 @@ class SegmentRun:
         moves = Moves(update.moved, segmenter.clusters.instance[update.moved])
         return MapChanges(update.merges, moves, labels, segmenter.evidence_blocks(update.judged))
 
-    def _skip(self, source: ScanSource, error: InputError | OSError, started: float) -> ScanReport:
-        """Record a scan that cannot be read, and go on without it."""
+    def refuse(self, source: ScanSource, error: InputError | OSError, started: float) -> ScanReport:
+        """Record a scan that cannot be read, and go on without it.
+
+        Args:
+            source: The scan.
+            error: Why; raised again where ``on_error`` is ``stop``.
+            started: When its reading began, on the clock of ``perf_counter``.
+        """
+        if self.options.on_error != "skip":
+            raise error
         num_voxels = len(self.segmenter.map)
         floor = self.records[-1].floor if self.records else None
         record = skipped_scan(len(self.records), source, error, num_voxels, floor)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 
@@ -36,6 +36,7 @@ class RunOptions:
         command: The command line, for the record.
         recording: What was read and how, for the record: a line each.
         topic: The topic of a bag that was chosen.
+        pairing: How scans and poses were paired, for the record.
     """
 
     frame: Frame = "map"
@@ -45,6 +46,7 @@ class RunOptions:
     command: Sequence[str] = ()
     recording: Sequence[str] = ()
     topic: str | None = None
+    pairing: Mapping[str, JsonValue] = field(default_factory=dict)
 
 
 class RunConfiguration(SegmentSettings):
@@ -97,6 +99,7 @@ class RunRecord(BaseModel):
         python: Version of Python.
         command: The command line.
         recording: What was read and how: a line each.
+        pairing: How scans and poses were paired, and what the pose file was taken for.
         method: The network's architecture, or ``region-growing``.
         configuration: What decided the outputs.
         weights: Name, hash and description of the weights; None without any.
@@ -110,6 +113,7 @@ class RunRecord(BaseModel):
     python: str = ""
     command: tuple[_Words, ...] = ()
     recording: tuple[_Words, ...] = ()
+    pairing: dict[str, JsonValue] = {}
     method: str = ""
     configuration: RunConfiguration
     weights: dict[str, JsonValue] | None = None
@@ -128,6 +132,7 @@ class RunRecord(BaseModel):
             python=platform.python_version(),
             command=tuple(options.command),
             recording=tuple(options.recording),
+            pairing=dict(options.pairing),
             method=segmenter.method.name,
             configuration=RunConfiguration.of(segmenter, options),
             weights=described,

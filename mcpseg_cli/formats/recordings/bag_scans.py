@@ -145,6 +145,7 @@ class BagScan:
         pose: (4, 4) float64, sensor to map; None where the poses have a gap.
         stamp: Seconds.
         frame: ``sensor``, or ``map`` for clouds that were registered before they were recorded.
+        lost: Why it has no pose, where it is known.
     """
 
     name: str
@@ -157,10 +158,11 @@ class BagScan:
     _reader: DepthReader | None = field(repr=False)
     _colours: Colours | None = field(repr=False)
     _stamp_ns: int
+    lost: str = ""
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> BagScan:
-        """Return the same scan with another pose."""
-        return replace(self, pose=pose)
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> BagScan:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)
 
     def in_frame(self, frame: Frame) -> BagScan:
         """Return the same scan, known to be in a frame."""

@@ -78,6 +78,7 @@ class DepthFrame:
         stamp: When it was taken, seconds.
         colour: The colour image.
         confidence: An image that is 0 where depth is not to be trusted.
+        lost: Why it has no pose, where it is known.
     """
 
     name: str
@@ -88,10 +89,11 @@ class DepthFrame:
     colour: Path | None = None
     confidence: Path | None = None
     frame: Frame | None = "sensor"
+    lost: str = ""
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> DepthFrame:
-        """Return the same frame with another pose."""
-        return replace(self, pose=pose)
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> DepthFrame:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)
 
     def in_frame(self, frame: Frame) -> DepthFrame:
         """Return the same scan, known to be in a frame."""

@@ -35,6 +35,7 @@ class E57Station:
         number: Its place in the file.
         stamp: When it began, seconds of GPS time.
         frame: ``sensor`` for stations with a pose, which their points are to be moved by.
+        lost: Why it has no pose, where it is known.
     """
 
     name: str
@@ -43,10 +44,11 @@ class E57Station:
     number: int
     stamp: float | None
     frame: Frame | None
+    lost: str = ""
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> E57Station:
-        """Return the same station with another pose."""
-        return replace(self, pose=pose)
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> E57Station:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)
 
     def in_frame(self, frame: Frame) -> E57Station:
         """Return the same scan, known to be in a frame."""

@@ -35,6 +35,7 @@ class PtxStation:
         pose: (4, 4) float64, sensor to map, of its header.
         begin: Where its points begin, bytes.
         end: Where they end, bytes.
+        lost: Why it has no pose, where it is known.
     """
 
     name: str
@@ -45,10 +46,11 @@ class PtxStation:
 
     stamp: float | None = None
     frame: Frame | None = "sensor"
+    lost: str = ""
 
-    def with_pose(self, pose: NDArray[np.float64] | None) -> PtxStation:
-        """Return the same station with another pose."""
-        return replace(self, pose=pose)
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> PtxStation:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)
 
     def in_frame(self, frame: Frame) -> PtxStation:
         """Return the same scan, known to be in a frame."""
