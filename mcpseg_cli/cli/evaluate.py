@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import Json, Quiet
+from mcpseg_cli.cli.options import InstanceField, Json, Quiet, SemanticField
 
 if TYPE_CHECKING:
     from mcpseg_cli.evaluate.run import Scores
+
+_PARTIAL = 0.5  # share of the truth below which figures say little
 
 
 def evaluate(
@@ -44,6 +46,12 @@ def evaluate(
             "over the scans (PNG).",
         ),
     ] = None,
+    semantic_field: SemanticField = None,
+    instance_field: InstanceField = None,
+    allow_partial: Annotated[
+        bool,
+        typer.Option("--allow-partial", help="Exit 0 also where the map covers under half of GT."),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Score labelled maps against ground truth.
@@ -51,6 +59,9 @@ def evaluate(
     Every point of a map, one a voxel, is compared with the nearest true point within half a voxel;
     of identical clouds, with the same point. What has no true point, or one without class or
     object, is counted and not scored.
+
+    A map that covers under half of GT says so first, and the command exits 1 unless
+    --allow-partial is given: of the rest the figures say nothing.
 
     Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given
     with a room as the unit, too: means over rooms for points and clusters; objects match within
@@ -86,7 +97,8 @@ def evaluate(
 
         prepare_plots(plot)
 
-    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), quiet=quiet)
+    fields = (semantic_field, instance_field)
+    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), fields, quiet=quiet)
     document = _document(runs)
 
     # the scores are printed and drawn before demands on them fail
@@ -95,24 +107,62 @@ def evaluate(
     if plot:
         _draw(plot, runs)
     check_demands(demands, document)
+    if not allow_partial:
+        _check_coverage(runs)
 
 
-def _score_all(pairs: list[tuple[Path, Path]], *, quiet: bool) -> list[Scores]:
+def _check_coverage(runs: list[Scores]) -> None:
+    """Fail where the figures say nothing of most of the truth.
+
+    Raises:
+        BelowThresholdError: Names the first such run.
+    """
+    from mcpseg_cli.errors import BelowThresholdError
+
+    for run in runs:
+        if run.counts.truth_covered_share < _PARTIAL:
+            raise BelowThresholdError(
+                f"{run.output}: covers {_covered(run)}; expected half of it or more; check that "
+                "both are of the same place in the same frame, or give --allow-partial"
+            )
+
+
+def _covered(run: Scores) -> str:
+    """Say how much of the truth a map covers."""
+    points = run.counts.truth_points
+    covered = f"{points - run.counts.truth_uncovered:,} of {points:,} points"
+    return f"{run.counts.truth_covered_share:.0%} of {run.truth} ({covered})"
+
+
+def _score_all(
+    pairs: list[tuple[Path, Path]], fields: tuple[str | None, str | None], *, quiet: bool
+) -> list[Scores]:
     """Score pair after pair, all in the class table of the first; say what the user should know."""
     from mcpseg_cli.cli.display import notice
 
     runs: list[Scores] = []
     for output, truth in pairs:
-        runs.append(_score_one(output, truth, runs[0].classes if runs else (), quiet=quiet))
+        classes = runs[0].classes if runs else ()
+        runs.append(_score_one(output, truth, classes, fields, quiet=quiet))
+        if runs[-1].counts.truth_covered_share < _PARTIAL:
+            notice(f"mcpseg: {output}: scored on {_covered(runs[-1])} only", quiet=quiet)
         for line in runs[-1].notices:
             notice(f"mcpseg: {line}", quiet=quiet)
     return runs
 
 
-def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bool) -> Scores:
+def _score_one(
+    output: Path,
+    truth: Path,
+    classes: tuple[str, ...],
+    fields: tuple[str | None, str | None],
+    *,
+    quiet: bool,
+) -> Scores:
     """Score one pair under a progress bar."""
     from mcpseg_cli.cli.display import progress_bar
     from mcpseg_cli.evaluate.run import evaluate_run
+    from mcpseg_cli.formats.labels import LabelFields
 
     with progress_bar(f"read {output.name}", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
@@ -120,7 +170,8 @@ def _score_one(output: Path, truth: Path, classes: tuple[str, ...], *, quiet: bo
         def told(what: str, done: int, size: int) -> None:
             bar.update(task, completed=done, total=size, state=what)
 
-        return evaluate_run(output, truth, classes=classes, told=told)
+        named = LabelFields(*fields)
+        return evaluate_run(output, truth, classes=classes, fields=named, told=told)
 
 
 def _document(runs: list[Scores]) -> dict[str, object]:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.hdf5 import read_building_h5
-from mcpseg_cli.formats.labels import point_labels
+from mcpseg_cli.formats.labels import USUAL, LabelFields, find_label, point_labels
 from mcpseg_cli.formats.s3dis import Progress, read_area
 from mcpseg_cli.scan import GREY
 
@@ -28,6 +28,7 @@ def read_building(
     threads: int = 2,
     *,
     use_cache: bool = True,
+    fields: LabelFields = USUAL,
 ) -> tuple[Building, tuple[str, ...]]:
     """Read a labelled building.
 
@@ -40,6 +41,7 @@ def read_building(
         progress: Told how far reading S3DIS text has come.
         threads: S3DIS files read at once.
         use_cache: False neither reads nor writes the S3DIS cache.
+        fields: Which attributes of a cloud are its labels.
 
     Returns:
         The building, and a line for each thing the user should know.
@@ -57,7 +59,7 @@ def read_building(
     elif not path.exists():
         raise InputError(path, "no such file or folder", "a labelled building", "check the path")
     elif path.suffix.lower() in CLOUD_SUFFIXES:
-        building, notices = _from_cloud(path, read_cloud(path))
+        building, notices = _from_cloud(path, read_measured(path), fields)
     else:
         found = f"a file ending in {path.suffix or 'nothing'!r}"
         expected = f"a folder, {', '.join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))}"
@@ -67,17 +69,23 @@ def read_building(
     return building, notices
 
 
-def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
+def _from_cloud(path: Path, cloud: Cloud, fields: LabelFields) -> tuple[Building, tuple[str, ...]]:
     """Take a labelled cloud for a building without rooms."""
-    # labels, of which object ids may be missing
+    # points that are none
     notices = []
+    if cloud.valid is not None:
+        count = f"{int((~cloud.valid).sum()):,} points"
+        notices.append(f"{count} without coordinates, withheld or of noise are left out")
+        cloud = cloud.measured()
+
+    # labels, of which object ids may be missing
     classes = cloud.classes or S3DIS_CLASSES
     labelled = cloud
-    if cloud.label("instance") is None:
+    if find_label(cloud, "instance", path, fields.instance) is None:
         notices.append("no attribute instance; every point has object 0 (none)")
         none = np.zeros(len(cloud), np.int32)
         labelled = replace(cloud, columns=cloud.columns | {"instance": none})
-    semantic, instance = point_labels(labelled, path, classes)
+    semantic, instance = point_labels(labelled, path, classes, fields)
 
     # what else a building has
     rgb = cloud.rgb

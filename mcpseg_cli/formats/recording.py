@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +10,19 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_measured
+from mcpseg_cli.formats.intake import Intake, take_points
 from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.poses import PoseTable, read_poses
 from mcpseg_cli.grid import MAX_VOXEL
-from mcpseg_cli.scan import Scan, to_map_frame
+from mcpseg_cli.scan import Scan
 
 MAX_COORDINATE = 65536.0
 """Metres from the origin at which float32 resolves no finer than 4 mm; farther is refused."""
-_TOO_FAR = "subtract a common offset from scans and poses, or convert millimetres to metres"
+_TOO_FAR = (
+    "subtract a common offset from scans and poses (--offset auto), or convert millimetres to "
+    "metres (--scale 0.001)"
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,9 @@ def list_clouds(directory: Path) -> list[Path]:
     return paths
 
 
-def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> list[ScanFile]:
+def open_recording(
+    directory: Path, poses_path: Path, frame: Frame = "map", *, any_distance: bool = False
+) -> list[ScanFile]:
     """Pair the scans of a folder with their poses; nothing but names and poses is read yet.
 
     Args:
@@ -71,6 +77,7 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
             else by order.
         frame: Frame of the scans' coordinates; poses of scans in the sensor's frame need an
             orientation.
+        any_distance: Leave it to ``place_recording`` to refuse positions that are too far out.
 
     Returns:
         The scans in natural order.
@@ -86,10 +93,8 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
     if frame == "sensor" and not table.has_rotation:
         expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
         raise InputError(poses_path, "positions only", expected, remedy)
-    farthest = np.abs(table.poses[:, :3, 3]).max()
-    if farthest >= MAX_COORDINATE:
-        found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
-        raise InputError(poses_path, found, expected, _TOO_FAR)
+    if not any_distance:
+        _check_distance(poses_path, table.poses)
 
     # paired by name where the table has names, else by order
     if table.scans is not None:
@@ -98,6 +103,30 @@ def open_recording(directory: Path, poses_path: Path, frame: Frame = "map") -> l
         found = f"{len(table):,} poses for {len(paths):,} scans in {directory}"
         raise InputError(poses_path, found, "as many", "add a scan column or the missing rows")
     return [ScanFile(path, pose) for path, pose in zip(paths, table.poses, strict=True)]
+
+
+def place_recording(recording: list[ScanFile], intake: Intake, source: Path) -> list[ScanFile]:
+    """Return the scans of a recording with their poses in the map's frame.
+
+    Args:
+        recording: The scans as they were opened.
+        intake: How coordinates are taken.
+        source: Where the poses are from, for the message.
+
+    Raises:
+        InputError: A position is too far out.
+    """
+    placed = [replace(scan, pose=intake.place_pose(scan.pose)) for scan in recording]
+    _check_distance(source, np.stack([scan.pose for scan in placed]))
+    return placed
+
+
+def _check_distance(source: Path, poses: NDArray[np.float64]) -> None:
+    """Refuse positions that float32 cannot hold well."""
+    farthest = np.abs(poses[:, :3, 3]).max()
+    if farthest >= MAX_COORDINATE:
+        found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
+        raise InputError(source, found, expected, _TOO_FAR)
 
 
 def _pair_by_name(
@@ -119,31 +148,29 @@ def _pair_by_name(
     return recording
 
 
-def read_scan(source: ScanFile, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:
+def read_scan(source: ScanFile, frame: Frame | Intake, voxel_size: float) -> tuple[Scan, Cloud]:
     """Read one scan into the map frame.
 
     Args:
-        source: The scan's file and pose.
-        frame: Frame of the file's coordinates.
+        source: The scan's file and pose, which is in the map's frame.
+        frame: Frame of the file's coordinates, or all there is to say about taking them.
         voxel_size: Edge of a voxel, metres; bounds how far from the origin a point may lie.
 
     Returns:
-        The scan, and the cloud it came from with all its attributes.
+        The scan with all points that are measured, and the cloud it came from with all its points
+        and attributes.
 
     Raises:
         InputError: The file is damaged, or its coordinates are too large for the map.
     """
-    cloud = read_cloud(source.path)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if frame == "sensor":
-            xyz_map = to_map_frame(cloud.xyz, source.pose)
-        else:
-            xyz_map = cloud.xyz.astype(np.float32, copy=False)
-        largest = np.abs(xyz_map).max()
+    intake = frame if isinstance(frame, Intake) else Intake(frame)
+    xyz_map, cloud = take_points(read_measured(source.path), source.pose, intake, source.path)
+    largest = np.abs(xyz_map).max()
 
     # what the voxel map and float32 can hold
     limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
     if not largest < limit:
         found = f"coordinates up to {largest:.6g} m"
         raise InputError(source.path, found, f"less than {limit:.6g} m from the origin", _TOO_FAR)
-    return Scan(xyz_map, cloud.rgb, source.pose, source.path.name), cloud
+    rgb = cloud.measured().colour(intake.colour, source.path)
+    return Scan(xyz_map, rgb, source.pose, source.path.name), cloud
