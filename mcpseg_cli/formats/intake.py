@@ -175,8 +175,8 @@ def _are_at_sensor(
     at_origin: NDArray[np.bool_] = ~xyz.any(axis=1)
     if frame == "sensor":
         return at_origin
-    position = pose[:3, 3].astype(np.float32)
-    at_sensor: NDArray[np.bool_] = (np.abs(placed - position) <= _AT_SENSOR).all(axis=1)
+    away = np.abs(placed - pose[:3, 3].astype(np.float32))
+    at_sensor: NDArray[np.bool_] = np.all(away <= _AT_SENSOR, axis=1)
     if at_origin.sum() > 1:
-        at_sensor |= at_origin
+        at_sensor[at_origin] = True
     return at_sensor
