@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import Clustering, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.cli.intake_options import (
+    AskedIntake,
+    Colour,
+    FrameOption,
+    NoCheck,
+    Offset,
+    Scale,
+    Up,
+)
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -28,6 +37,7 @@ from mcpseg_cli.cli.options import (
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
+    from mcpseg_cli.cli.first_look import Taken
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import ScanFile
@@ -81,7 +91,12 @@ def segment(
             "in one transaction.",
         ),
     ] = False,
-    frame: Annotated[Frame, typer.Option(help="Frame of the scans' coordinates.")] = "map",
+    frame: FrameOption = "map",
+    up: Up = None,
+    scale: Scale = None,
+    offset: Offset = None,
+    colour: Colour = None,
+    no_check: NoCheck = False,
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
@@ -150,8 +165,9 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
     """
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
+    from mcpseg_cli.cli.first_look import take_recording
     from mcpseg_cli.config import SegmentSettings
-    from mcpseg_cli.formats.recording import open_recording
+    from mcpseg_cli.formats.recording import open_recording, place_recording
 
     # what can be wrong is looked at before torch is imported
     given: dict[str, object] = {
@@ -162,7 +178,11 @@ def segment(
     given |= {"labelling": labelling, "clustering": clustering}
     given |= {"floor": floor, "seed": seed}
     settings = settings_of(SegmentSettings, given)
-    recording = open_recording(scans, poses, frame)
+    asked = AskedIntake.of(frame, up, scale, offset, colour)
+    opened_at = open_recording(scans, poses, frame, any_distance=True)
+    kept = None if overwrite else output
+    taken = take_recording(opened_at, scans, asked, kept, check=not no_check, quiet=quiet)
+    recording = place_recording(opened_at, taken.intake, poses)
 
     from mcpseg_cli.incremental.methods import open_method
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
@@ -172,11 +192,10 @@ def segment(
     opened = open_method(method, weights)
     found = "as given" if local_range is not None else "the default"
     if is_auto or (local_range is None and _sees_rooms(opened)):
-        kept = None if overwrite else output
-        distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
+        distance, found = _find_range(recording, taken, settings, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
-    options = RunOptions(frame, format, on_error, offline, sys.argv)
+    options = RunOptions(frame, format, on_error, offline, sys.argv, taken.intake)
 
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
@@ -194,11 +213,12 @@ def segment(
         if as_json:
             typer.echo(json.dumps(_document(run, tally)))
         else:
-            _print_summary(run, tally, range_from=found, verbose=verbose)
+            _print_summary(run, tally, taken, range_from=found, verbose=verbose)
 
     if interrupt.asked and len(run.records) < len(recording):
         _tell_how_to_continue(len(run.records), len(recording))
         raise typer.Exit(130)
+    _check_labelled(run, scans)
 
 
 def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
@@ -208,22 +228,37 @@ def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
     return isinstance(method, Weights) and method.network.sees_windows
 
 
+def _check_labelled(run: SegmentRun, source: Path) -> None:
+    """Fail where nothing at all was labelled.
+
+    Raises:
+        InputError: All scans were skipped, or no point lies in range.
+    """
+    from mcpseg_cli.errors import InputError
+
+    if len(run.segmenter.map) or not run.records:
+        return
+    errors = [record.error for record in run.records if record.error is not None]
+    if len(errors) == len(run.records):
+        found, remedy = f"all {len(errors):,} scans were skipped, the first for: {errors[0]}", ""
+        raise InputError(source, found, "scans that can be read", remedy or "mend them")
+    distance = run.segmenter.settings.local_range
+    found = f"nothing was labelled: no point lies within --range {distance:g} of its scan's pose"
+    remedy = "check --frame and the poses (mcpseg info), or give a longer --range"
+    raise InputError(source, found, "points around the sensor", remedy)
+
+
 def _find_range(
-    recording: list[ScanFile],
-    frame: Frame,
-    settings: SegmentSettings,
-    kept: Path | None,
-    *,
-    quiet: bool,
+    recording: list[ScanFile], taken: Taken, settings: SegmentSettings, *, quiet: bool
 ) -> tuple[float, str]:
     """Find the range that serves the sensor, and say so; a run that is continued keeps its own."""
     from mcpseg_cli.cli.display import notice
-    from mcpseg_cli.segment.sensor import first_scans, guess_range, kept_range
+    from mcpseg_cli.segment.sensor import first_scans, guess_range, range_in
 
-    before = kept_range(kept) if kept else None
+    before = range_in(taken.kept) if taken.kept else None
     if before is not None:
         return before, "as the run was begun"
-    distance, found = guess_range(first_scans(recording, frame, settings.voxel_size))
+    distance, found = guess_range(first_scans(recording, taken.intake, settings.voxel_size))
     notice(f"mcpseg: range {distance:g} m: {found}; --range changes it", quiet=quiet)
     return distance, found
 
@@ -309,9 +344,11 @@ class _Tally:
     stages: list[dict[str, float]] = field(default_factory=list)
     points: int = 0
     points_labelled: int = 0
+    points_unmeasured: int = 0
 
     def add(self, report: ScanReport) -> None:
         self.points += report.num_points
+        self.points_unmeasured += report.num_unmeasured
         if report.update is not None:
             self.points_labelled += int((report.update.point_ids >= 0).sum())
             self.ms.append(report.ms)
@@ -344,6 +381,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
         "objects": run.segmenter.clusters.num_objects,
         "points": tally.points,
         "points_labelled": tally.points_labelled,
+        "points_left_out": tally.points_unmeasured,
         "skipped": _skipped(run),
         "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
@@ -354,7 +392,9 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
     }
 
 
-def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: bool) -> None:
+def _print_summary(
+    run: SegmentRun, tally: _Tally, taken: Taken, *, range_from: str, verbose: bool
+) -> None:
     """Print what a run did as a table."""
     from mcpseg_cli.cli.display import print_table
 
@@ -365,6 +405,15 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: 
         rows.append(("still to do", f"{pending:,}"))
     if skipped := _skipped(run):
         rows.append(("skipped", ", ".join(skipped)))
+
+    # how they were taken
+    if tally.points_unmeasured:
+        why = "no coordinates, no return, withheld or noise"
+        rows.append(("points left out", f"{tally.points_unmeasured:,}: {why}"))
+    if not taken.intake.is_plain:
+        rows.append(("coordinates", taken.intake.describe()))
+    if taken.about_colour:
+        rows.append(("colour", taken.about_colour))
 
     # the map
     rows.append(("range", f"{run.segmenter.settings.local_range:g} m, {range_from}"))

@@ -15,6 +15,7 @@ Placement = Literal["as they are", "by the poses", "by the inverse poses"]
 
 _CELLS = 40  # within the usual range: how evenly, and how finely, scans are compared
 _SPARSE = 4.0  # cells: the sparsest that points may lie and yet coincide
+_FEWEST = 0.3  # of a scan's points: fewer within the other's bounds count as if they were as many
 _MOST_POINTS = 40_000  # of a scan that are searched in
 _MOST_ASKED = 1_500  # of a scan that are searched for
 _MIN_POINTS = 100
@@ -103,6 +104,7 @@ def _compare(
     spacing = np.clip(tree.query(kept, k=min(4, len(kept)))[0][:, -1], edge, _SPARSE * edge)
     asked = _thinned(second, edge)
     asked = asked[:: max(1, len(asked) // _MOST_ASKED)]
+    low, high = kept.min(axis=0) - edge, kept.max(axis=0) + edge  # others have nothing to lie on
 
     moves: dict[Placement, NDArray[np.float64]] = {
         "as they are": np.eye(4),
@@ -112,8 +114,10 @@ def _compare(
     shares: dict[Placement, float] = {}
     for name, move in moves.items():
         moved = asked @ move[:3, :3].T + move[:3, 3]
-        distance, nearest = tree.query(moved)
-        shares[name] = float((distance <= spacing[nearest]).mean())
+        inside = ((moved >= low) & (moved <= high)).all(axis=1)
+        distance, nearest = tree.query(moved[inside])
+        num_near = int((distance <= spacing[nearest]).sum())
+        shares[name] = num_near / max(int(inside.sum()), _FEWEST * len(moved))
     return shares
 
 

@@ -26,7 +26,7 @@ from mcpseg_cli.formats.recording import MAX_COORDINATE
 
 _AROUND = 4_000  # points of each scan that rooms are found with
 _OTHER_UNITS = (1000.0, 100.0, 0.001, 0.01)  # units of poses in one of the scans
-_BESIDE = 2.0  # times a scan's size: how far a sensor is from its middle
+_BESIDE = 4.0  # times a scan's size: how far a sensor is from its middle
 _NEARER = 1.5  # times nearer than as it is: a unit that positions are in
 _MOVES = 0.05  # of a scan's size: how far a sensor moves at least
 _ROUND = 100.0  # what offsets are multiples of

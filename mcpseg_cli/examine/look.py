@@ -31,7 +31,8 @@ class Glance:
         num_nan: Those without finite coordinates.
         num_excluded: Those that LAS says are withheld or noise.
         num_zero: Those at 0, 0, 0, as rays have that hit nothing.
-        colour: Its colours, or a part of them.
+        colour: Its colours.
+        columns: Names of its attributes.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Glance:
     num_excluded: int
     num_zero: int
     colour: Colour | None
+    columns: tuple[str, ...]
 
 
 def glance_at(recording: Sequence[ScanFile], which: Iterable[int]) -> list[Glance]:
@@ -81,6 +83,7 @@ def _glance(source: ScanFile, cloud: Cloud) -> Glance:
         num_excluded=num_excluded,
         num_zero=num_zero,
         colour=find_colour(measured.columns),
+        columns=tuple(cloud.columns),
     )
 
 
@@ -92,6 +95,25 @@ def colour_unit(glances: Sequence[Glance]) -> ColourUnit | None:
         if glance.colour and glance.colour.unit is None and glance.colour.values.dtype != np.uint8
     ]
     return decide_unit(unclear)
+
+
+def describe_colour(glances: Sequence[Glance], unit: ColourUnit | None) -> str:
+    """Say what the colours of scans are, from which attributes.
+
+    Args:
+        glances: At least one scan.
+        unit: Their unit, where they do not say it themselves.
+    """
+    coloured = [glance.colour for glance in glances if glance.colour]
+    if not coloured:
+        return f"none among {', '.join(glances[0].columns[:12])}; taken as grey"
+    names = ", ".join(coloured[0].names)
+    if not any(np.nan_to_num(colour.values).any() for colour in coloured):
+        return f"none: {names} are 0 everywhere; taken as grey"
+    is_bytes = all(colour.values.dtype == np.uint8 for colour in coloured)
+    said = coloured[0].unit or ("8-bit" if is_bytes else unit)
+    some = "" if len(coloured) == len(glances) else f", in {len(coloured)} of {len(glances)} scans"
+    return f"{said or 'of unclear unit'} ({names}){some}"
 
 
 def spread(num_scans: int, num_wanted: int) -> list[int]:

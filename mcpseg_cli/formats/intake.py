@@ -67,6 +67,16 @@ class Intake:
         places = (self.up, self.scale, self.pose_scale or self.scale, self.offset)
         return places == ("z", 1.0, 1.0, _NOWHERE)
 
+    def describe(self) -> str:
+        """Say how coordinates are taken, where not as they are."""
+        parts = [f"{self.up} up"] * (self.up != "z")
+        parts += [f"{self.scale:g} m in a unit"] * (self.scale != 1.0)
+        if self.pose_scale not in (None, self.scale):
+            parts.append(f"{self.pose_scale:g} m in a unit of the poses")
+        if any(self.offset):
+            parts.append(f"less {', '.join(f'{value:.15g}' for value in self.offset)}")
+        return ", ".join(parts)
+
     @property
     def turn(self) -> NDArray[np.float64]:
         """(3, 3) rotation from the recording's axes to the map's."""
@@ -172,11 +182,10 @@ def _are_at_sensor(
     frame: Frame,
 ) -> NDArray[np.bool_]:
     """Tell which points lie where rays that hit nothing end: at the sensor, or all at 0; (N,)."""
-    at_origin: NDArray[np.bool_] = ~xyz.any(axis=1)
+    at_origin: NDArray[np.bool_] = np.all(xyz == 0, axis=1)
     if frame == "sensor":
         return at_origin
     away = np.abs(placed - pose[:3, 3].astype(np.float32))
     at_sensor: NDArray[np.bool_] = np.all(away <= _AT_SENSOR, axis=1)
-    if at_origin.sum() > 1:
-        at_sensor[at_origin] = True
+    at_sensor[at_origin] |= at_origin.sum() > 1
     return at_sensor
