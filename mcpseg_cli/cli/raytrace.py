@@ -249,6 +249,7 @@ class _Task:
         """Read the building under a progress bar; say what was noticed."""
         from mcpseg_cli.cli.display import notice, progress_bar
         from mcpseg_cli.formats.buildings import read_building
+        from mcpseg_cli.formats.labels import LabelFields
 
         with progress_bar(f"read {area.name}", quiet=not self.show) as bar:
             task = bar.add_task("", total=None, state="")
@@ -256,7 +257,8 @@ class _Task:
             def progress(room: str, done: int, total: int) -> None:
                 bar.update(task, completed=done >> 20, total=total >> 20, state=f"MB  {room}")
 
-            building, notices = read_building(area, self.cache, progress, self.jobs)
+            fields = LabelFields(*self.fields)
+            building, notices = read_building(area, self.cache, progress, self.jobs, fields=fields)
         for line in notices:
             notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
         return building

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourUnit, Frame, UpAxis
 from mcpseg_cli.examine.coincidence import Coincidence, compare_scans
-from mcpseg_cli.examine.look import Glance, colour_unit
+from mcpseg_cli.examine.look import FIRST_SCANS, Glance, colour_unit
 from mcpseg_cli.examine.structure import (
     Room,
     axis_name,
@@ -85,13 +85,14 @@ def examine(
     """Find out what a recording is.
 
     Args:
-        glances: Some scans, at least one with points.
+        glances: Some scans, at least one with points; the first ones in a row.
         poses: (P, 4, 4) of all scans, as the pose file has them.
         asked: The frame to take where it cannot be told.
     """
     clouds = [glance.xyz for glance in glances]
     own = [glance.pose for glance in glances]
-    coincidence, frame, pose_units = _find_frame(clouds, own, asked)
+    near = slice(FIRST_SCANS)  # the others are too far apart to lie on one another
+    coincidence, frame, pose_units = _find_frame(clouds[near], own[near], asked)
     assumed = frame or asked
 
     # points around the sensor, in the recording's axes and the scans' unit

@@ -18,6 +18,9 @@ from mcpseg_cli.formats.s3dis import Progress, read_area
 from mcpseg_cli.scan import GREY
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
+_HIGHEST = 150.0  # metres
+_SOME_FLOOR = 100  # points of the floor that say how it lies
+_STANDING = 5.0  # times as high as thick: a floor that stands upright
 _FARTHEST = 16384.0  # metres; float32 steps are 1 mm to here
 
 
@@ -94,7 +97,29 @@ def _from_cloud(path: Path, cloud: Cloud, fields: LabelFields) -> tuple[Building
         rgb = np.full((len(cloud), 3), GREY, np.uint8)
     xyz = cloud.xyz
     _check_extent(path, xyz)
+    _check_upright(path, xyz, semantic, classes)
     return Building(xyz.astype(np.float32), rgb, semantic, instance, classes), tuple(notices)
+
+
+def _check_upright(
+    path: Path, xyz: NDArray[np.floating], semantic: NDArray[np.uint8], classes: tuple[str, ...]
+) -> None:
+    """Refuse buildings that are too high for metres, or whose floor stands upright."""
+    low, high = np.quantile(xyz.astype(np.float64), [0.01, 0.99], axis=0)
+    height = float(high[2] - low[2])
+    if height > _HIGHEST:
+        found, expected = f"a building {height:,.0f} m high", f"metres, {_HIGHEST:g} at most"
+        raise InputError(path, found, expected, "convert millimetres or centimetres to metres")
+
+    floor = xyz[semantic == classes.index("floor")] if "floor" in classes else xyz[:0]
+    if len(floor) < _SOME_FLOOR:
+        return
+    extent = np.ptp(np.quantile(floor.astype(np.float64), [0.1, 0.9], axis=0), axis=0)
+    if extent[2] > _STANDING * max(extent.min(), 0.1) and extent[2] > _STANDING / 2:
+        found = (
+            f"a floor that lies flat in {'xyz'[int(extent.argmin())]} and {extent[2]:.1f} m high"
+        )
+        raise InputError(path, found, "z up", "turn the building so that z points up")
 
 
 def _check_extent(path: Path, xyz: NDArray[np.floating]) -> None:
