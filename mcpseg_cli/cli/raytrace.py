@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import ScanFormat, Scanner
-from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.cli.options import (
+    InstanceField,
+    Jobs,
+    Json,
+    Overwrite,
+    Quiet,
+    Seed,
+    SemanticField,
+    number_of_jobs,
+)
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
@@ -115,6 +124,8 @@ def raytrace(
         Path | None,
         typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]"),
     ] = None,
+    semantic_field: SemanticField = None,
+    instance_field: InstanceField = None,
     jobs: Jobs = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -169,6 +180,7 @@ def raytrace(
         suffix=f".{format}",
         jobs=number_of_jobs(jobs),
         cache=cache,
+        fields=(semantic_field, instance_field),
         overwrite=overwrite,
         quiet=quiet,
         show=not (quiet or as_json),
@@ -209,6 +221,7 @@ class _Task:
         suffix: Ending of the clouds.
         jobs: Threads.
         cache: Folder for parsed areas.
+        fields: Attributes of labelled clouds that are class and object; None: usual names.
         overwrite: Replace earlier scans.
         quiet: Say nothing of what was noticed.
         show: Show progress.
@@ -218,6 +231,7 @@ class _Task:
     suffix: str
     jobs: int
     cache: Path | None
+    fields: tuple[str | None, str | None]
     overwrite: bool
     quiet: bool
     show: bool

@@ -7,6 +7,7 @@ from typing import BinaryIO
 
 import laspy
 import numpy as np
+from laspy.header import Version
 from laspy.vlrs.vlrlist import VLRList
 from lazrs import LazrsError
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
             kept = [record for record in records if record.user_id.lower() != "copc"]
             setattr(header, name, VLRList(kept))
     if header.version.minor < _FIRST_WRITTEN:
-        header.version = "1.4"
+        header.version = Version(1, 4)
     return header
 
 

@@ -51,7 +51,9 @@ def test_points_withheld_and_noise_are_marked(tmp_path):
 
 def test_nothing_but_noise_is_refused_with_the_counts(tmp_path):
     path = las(tmp_path / "a.las", classification=[7, 7, 7, 18])
-    with pytest.raises(InputError, match="none of 4 points is measured.*4 are flagged as withheld"):
+    with pytest.raises(
+        InputError, match=r"none of 4 points is measured.*4 are flagged as withheld"
+    ):
         read_measured(path)
 
 
@@ -80,7 +82,7 @@ def test_las_1_0_and_1_1_are_read_and_written_as_1_4(tmp_path, minor):
 
 
 def test_georeferenced_maps_fit_into_las(tmp_path):
-    far = XYZ + [500_000.0, 5_400_000.0, 300.0]
+    far = XYZ + np.array([500_000.0, 5_400_000.0, 300.0])
     write_cloud(tmp_path / "a.laz", Cloud(dict(zip("xyz", far.T, strict=True))))
     np.testing.assert_allclose(read_cloud(tmp_path / "a.laz").xyz, far, atol=1e-3)
 
