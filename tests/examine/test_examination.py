@@ -17,7 +17,7 @@ from tests.walks import WALK, WAYS, write_walk
 
 def look(scans, poses, asked="map") -> Examination:
     recording = open_recording(scans, poses, asked, any_distance=True)
-    glances = glance_at(recording, range(5))
+    glances = glance_at(recording, range(min(5, len(recording))))
     return examine(glances, np.stack([source.pose for source in recording]), asked)
 
 
