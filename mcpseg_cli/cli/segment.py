@@ -240,8 +240,8 @@ def _check_labelled(run: SegmentRun, source: Path) -> None:
         return
     errors = [record.error for record in run.records if record.error is not None]
     if len(errors) == len(run.records):
-        found, remedy = f"all {len(errors):,} scans were skipped, the first for: {errors[0]}", ""
-        raise InputError(source, found, "scans that can be read", remedy or "mend them")
+        found = f"all {len(errors):,} scans were skipped, the first for: {errors[0]}"
+        raise InputError(source, found, "scans that can be read", "mend them")
     distance = run.segmenter.settings.local_range
     found = f"nothing was labelled: no point lies within --range {distance:g} of its scan's pose"
     remedy = "check --frame and the poses (mcpseg info), or give a longer --range"

@@ -18,6 +18,7 @@ _SENSOR = (0.1, 2.6)  # metres over the floor, of all that is driven, carried or
 _ROOM = (1.8, 16.0)  # metres from floor to ceiling, halls among them
 _USUAL_ROOM = (1.9, 5.0)
 _RANGE = (0.15, 60.0)  # metres to most of what a sensor sees
+_USUAL_RANGE = (0.4, 40.0)
 
 
 @dataclass(frozen=True)
@@ -47,19 +48,27 @@ def find_unit(room: Room, reach: float) -> Unit:
     Returns:
         Metres wherever they are possible, also where nothing fits.
     """
-    if reach <= 0 or _is_possible(room, reach, 1.0, _ROOM):
+    if reach <= 0 or _is_possible(room, reach, 1.0, _ROOM, _RANGE):
         return Unit("metres", 1.0, _reason(room, reach))
     fitting = [
-        name for name, scale in UNITS.items() if _is_possible(room, reach, scale, _USUAL_ROOM)
+        name
+        for name, scale in UNITS.items()
+        if _is_possible(room, reach, scale, _USUAL_ROOM, _USUAL_RANGE)
     ]
     if not fitting:
         return Unit("metres", 1.0, "nothing fits better")
     return Unit(fitting[0], UNITS[fitting[0]], _reason(room, reach), tuple(fitting[1:]))
 
 
-def _is_possible(room: Room, reach: float, scale: float, heights: tuple[float, float]) -> bool:
+def _is_possible(
+    room: Room,
+    reach: float,
+    scale: float,
+    heights: tuple[float, float],
+    ranges: tuple[float, float],
+) -> bool:
     """Tell whether all that is seen has a size that it may have."""
-    sizes = ((room.below, _SENSOR), (room.height, heights), (reach, _RANGE))
+    sizes = ((room.below, _SENSOR), (room.height, heights), (reach, ranges))
     return all(size is None or low <= size * scale <= high for size, (low, high) in sizes)
 
 

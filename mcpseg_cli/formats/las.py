@@ -168,6 +168,11 @@ def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
         compress: Whether to write LAZ.
     """
     first = next(iter(parts))
+    if not all(np.isfinite(first.columns[axis]).all() for axis in "xyz"):
+        raise OutputError(
+            "LAS has no place for points without coordinates, which the scan has; expected finite "
+            "ones; choose --format ply, pcd or npz"
+        )
     blank = _header_for(first)
     header = copy.deepcopy(blank)
     _make_room(header, first)

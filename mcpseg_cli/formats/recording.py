@@ -117,7 +117,8 @@ def place_recording(recording: list[ScanFile], intake: Intake, source: Path) -> 
         InputError: A position is too far out.
     """
     placed = [replace(scan, pose=intake.place_pose(scan.pose)) for scan in recording]
-    _check_distance(source, np.stack([scan.pose for scan in placed]))
+    if placed:
+        _check_distance(source, np.stack([scan.pose for scan in placed]))
     return placed
 
 

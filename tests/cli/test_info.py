@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.formats import Cloud, read_cloud, read_measured, write_cloud
 from mcpseg_cli.segment.run_record import RunRecord
 from tests.commands import invoke, outputs_of, segment
 from tests.walks import WALK, WAYS, write_walk
@@ -92,7 +92,9 @@ def test_an_offset_is_kept_in_map_and_exports(tmp_path, weights_path):
     assert invoke("export", out, *outputs).exit_code == 0
     for name in names[:2]:
         exported = read_cloud(tmp_path / name).xyz
-        np.testing.assert_allclose(exported, local + np.array([500_000.0, 5_400_000.0, 0.0]), atol=2e-4)
+        np.testing.assert_allclose(
+            exported, local + np.array([500_000.0, 5_400_000.0, 0.0]), atol=2e-4
+        )
     listed = json.loads((tmp_path / "objects.json").read_text())
     assert all(item["centroid"][0] > 499_000 for item in listed)
     scan = next(walk[0].iterdir())
@@ -157,8 +159,6 @@ def test_scans_with_holes_give_the_same_map_and_holes_carry_255(tmp_path, weight
     assert documents[0]["points"] == documents[1]["points"]
     assert documents[0]["voxels"] == documents[1]["voxels"]
     labelled = sorted((tmp_path / "b" / "scans").iterdir())[0]
-    from mcpseg_cli.formats import read_measured
-
     cloud = read_measured(labelled)
     assert set(cloud.columns["semantic"][1::2].tolist()) == {255}
     assert cloud.valid[::2].all()
@@ -193,3 +193,20 @@ def test_eval_of_a_part_says_so_first_and_fails_unless_allowed(tmp_path, weights
     assert json.loads(partial.stdout)["truth_points"] > 0
     allowed = invoke("eval", tmp_path / "out", WALK / "gt", "--allow-partial", "-q")
     assert (allowed.exit_code, allowed.stderr) == (0, "")
+
+
+def test_eval_takes_labels_by_other_names(tmp_path, weights_path):
+    walk = write_walk(tmp_path / "in", lambda xyz: xyz + np.array([-32.0, -22.0, 0.0]), num_scans=2)
+    assert segment(walk, tmp_path / "out", "-w", weights_path).exit_code == 0
+    (tmp_path / "gt").mkdir()
+    for path in sorted((WALK / "gt").iterdir())[:2]:
+        cloud = read_cloud(path)
+        columns = {name: cloud.columns[name] for name in "xyz"}
+        columns |= {"mine": cloud.columns["semantic"], "object_id": cloud.columns["instance"]}
+        write_cloud(tmp_path / "gt" / path.name, Cloud(columns, cloud.classes))
+    refused = invoke("eval", tmp_path / "out", tmp_path / "gt")
+    assert refused.exit_code == 1
+    assert "points without semantic, with x, y, z, mine, object_id" in refused.stderr
+    taken = invoke("eval", tmp_path / "out", tmp_path / "gt", "--semantic-field", "mine", "--json")
+    assert taken.exit_code == 0
+    assert json.loads(taken.stdout)["uncovered"] == 0

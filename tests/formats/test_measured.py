@@ -6,7 +6,7 @@ import laspy
 import numpy as np
 import pytest
 
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import Cloud, Labels, read_cloud, read_measured, write_cloud
 from mcpseg_cli.formats.pcd import pcd_pose
 
@@ -55,6 +55,14 @@ def test_nothing_but_noise_is_refused_with_the_counts(tmp_path):
         InputError, match=r"none of 4 points is measured.*4 are flagged as withheld"
     ):
         read_measured(path)
+
+
+def test_las_refuses_what_it_cannot_hold(tmp_path):
+    xyz = np.where(XYZ == 5, np.nan, XYZ)
+    cloud = Cloud(dict(zip("xyz", xyz.T, strict=True)))
+    with pytest.raises(OutputError, match="no place for points without coordinates"):
+        write_cloud(tmp_path / "a.las", cloud)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
