@@ -23,7 +23,7 @@ def room(way=lambda xyz: xyz, **columns: np.ndarray) -> Cloud:
     [
         (lambda xyz: xyz * 1000, "a building 2,8.. m high; expected metres"),
         (lambda xyz: xyz * 100, "a building 28. m high; expected metres"),
-        (lambda xyz: xyz[:, [0, 2, 1]], r"a floor that lies flat in y and is .* expected z up"),
+        (lambda xyz: xyz[:, [0, 2, 1]], r"a floor that lies flat in y and .* expected z up"),
         (lambda xyz: xyz + 500_000.0, "coordinates up to 500,008 m"),
     ],
 )
