@@ -21,6 +21,7 @@ A folder imports the ground and the rooms named with it, never upward:
                   segmenter.py is one scan, read it first; opens no file but weights;
                   imports networks
     formats/      one file a format; recordings, poses, labels, S3DIS
+    examine/      what a recording is: frame, unit, upwards, colours; imports formats
     raytrace/     virtual scans of a labelled building (III-A); imports formats
     synth/        synthetic buildings to train on; imports formats
     segment/      a run on disk: scans in, labelled map, checkpoint, events, objects out;

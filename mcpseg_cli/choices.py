@@ -33,6 +33,12 @@ Precision = Literal["auto", "fp32", "bf16"]
 Frame = Literal["map", "sensor"]
 """Frame of the scans' coordinates."""
 
+UpAxis = Literal["z", "-z", "y", "-y", "x", "-x"]
+"""Which axis of a recording points up."""
+
+ColourUnit = Literal["8-bit", "16-bit", "0-1"]
+"""What the brightest colour of a recording is: 255, 65,535 or 1."""
+
 Labelling = Literal["first", "fused"]
 """Which looks decide a voxel's class: the first (III-B), or all of them."""
 

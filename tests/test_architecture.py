@@ -18,6 +18,7 @@ MAY_IMPORT = {
     "networks": GROUND,
     "incremental": GROUND | {"networks"},
     "formats": GROUND,
+    "examine": GROUND | {"formats"},
     "raytrace": GROUND | {"formats"},
     "synth": GROUND | {"formats"},
     "segment": GROUND | {"incremental", "networks", "formats"},

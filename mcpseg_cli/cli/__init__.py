@@ -12,6 +12,7 @@ from mcpseg_cli.cli.boundary import OneLineErrors
 from mcpseg_cli.cli.evaluate import evaluate
 from mcpseg_cli.cli.export import export
 from mcpseg_cli.cli.import_weights import import_weights
+from mcpseg_cli.cli.info import info
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
@@ -51,6 +52,7 @@ def top(
 app.command("synth")(synth)
 app.command("raytrace")(raytrace)
 app.command("train")(train)
+app.command("info")(info)
 app.command("segment")(segment)
 app.command("eval")(evaluate)
 app.command("export")(export)

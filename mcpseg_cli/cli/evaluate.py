@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.cli.options import Json, Quiet
+from mcpseg_cli.cli.options import InstanceField, Json, Quiet, SemanticField
 
 if TYPE_CHECKING:
     from mcpseg_cli.evaluate.class_map import ClassMap
     from mcpseg_cli.evaluate.run import Scores
+    from mcpseg_cli.formats.labels import LabelFields
+
+_PARTIAL = 0.5  # share of the truth below which figures say little
 
 
 def evaluate(
@@ -52,6 +55,12 @@ def evaluate(
             "over the scans (PNG).",
         ),
     ] = None,
+    semantic_field: SemanticField = None,
+    instance_field: InstanceField = None,
+    allow_partial: Annotated[
+        bool,
+        typer.Option("--allow-partial", help="Exit 0 also where the map covers under half of GT."),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Score labelled maps against ground truth.
@@ -59,6 +68,9 @@ def evaluate(
     Every point of a map, one a voxel, is compared with the nearest true point within half a voxel;
     of identical clouds, with the same point. What has no true point, or one without class or
     object, is counted and not scored.
+
+    A map that covers under half of GT says so first, and the command exits 1 unless
+    --allow-partial is given: of the rest the figures say nothing.
 
     Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given
     with a room as the unit, too: means over rooms for points and clusters; objects match within
@@ -100,9 +112,11 @@ def evaluate(
         prepare_plots(plot)
 
     from mcpseg_cli.evaluate.class_map import read_class_map
+    from mcpseg_cli.formats.labels import LabelFields
 
     table = None if class_map is None else read_class_map(class_map)
-    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), table, quiet=quiet)
+    fields = LabelFields(semantic_field, instance_field)
+    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), table, fields, quiet=quiet)
     document = _document(runs)
 
     # the scores are printed and drawn before demands on them fail
@@ -111,10 +125,39 @@ def evaluate(
     if plot:
         _draw(plot, runs)
     check_demands(demands, document)
+    if not allow_partial:
+        _check_coverage(runs)
+
+
+def _check_coverage(runs: list[Scores]) -> None:
+    """Fail where the figures say nothing of most of the truth.
+
+    Raises:
+        BelowThresholdError: Names the first such run.
+    """
+    from mcpseg_cli.errors import BelowThresholdError
+
+    for run in runs:
+        if run.counts.truth_covered_share < _PARTIAL:
+            raise BelowThresholdError(
+                f"{run.output}: covers {_covered(run)}; expected half of it or more; check that "
+                "both are of the same place in the same frame, or give --allow-partial"
+            )
+
+
+def _covered(run: Scores) -> str:
+    """Say how much of the truth a map covers."""
+    points = run.counts.truth_points
+    covered = f"{points - run.counts.truth_uncovered:,} of {points:,} points"
+    return f"{run.counts.truth_covered_share:.0%} of {run.truth} ({covered})"
 
 
 def _score_all(
-    pairs: list[tuple[Path, Path]], class_map: ClassMap | None, *, quiet: bool
+    pairs: list[tuple[Path, Path]],
+    class_map: ClassMap | None,
+    fields: LabelFields,
+    *,
+    quiet: bool,
 ) -> list[Scores]:
     """Score pair after pair, all in the class table of the first; say what the user should know."""
     from mcpseg_cli.cli.display import notice
@@ -122,7 +165,9 @@ def _score_all(
     runs: list[Scores] = []
     for output, truth in pairs:
         classes = runs[0].classes if runs and class_map is None else ()
-        runs.append(_score_one(output, truth, classes, class_map, quiet=quiet))
+        runs.append(_score_one(output, truth, classes, class_map, fields, quiet=quiet))
+        if runs[-1].counts.truth_covered_share < _PARTIAL:
+            notice(f"mcpseg: {output}: scored on {_covered(runs[-1])} only", quiet=quiet)
         for line in runs[-1].notices:
             notice(f"mcpseg: {line}", quiet=quiet)
     return runs
@@ -133,6 +178,7 @@ def _score_one(
     truth: Path,
     classes: tuple[str, ...],
     class_map: ClassMap | None,
+    fields: LabelFields,
     *,
     quiet: bool,
 ) -> Scores:
@@ -146,7 +192,9 @@ def _score_one(
         def told(what: str, done: int, size: int) -> None:
             bar.update(task, completed=done, total=size, state=what)
 
-        return evaluate_run(output, truth, classes=classes, class_map=class_map, told=told)
+        return evaluate_run(
+            output, truth, classes=classes, class_map=class_map, fields=fields, told=told
+        )
 
 
 def _document(runs: list[Scores]) -> dict[str, object]:

@@ -17,6 +17,20 @@ WeightsName = Annotated[
         help="A .safetensors file, or the name of bundled weights.  [default: the method's]",
     ),
 ]
+SemanticField = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Attribute of clouds that is the class.  [default: semantic, label, class, …]",
+    ),
+]
+InstanceField = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Attribute of clouds that is the object.  [default: instance, object_id, …]",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random choice.")]
 Device = Annotated[str, typer.Option("--device", help="Where the network runs: cpu, cuda, …")]
 Json = Annotated[

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import ScanFormat, Scanner
-from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
+from mcpseg_cli.cli.options import (
+    InstanceField,
+    Jobs,
+    Json,
+    Overwrite,
+    Quiet,
+    Seed,
+    SemanticField,
+    number_of_jobs,
+)
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
@@ -115,6 +124,8 @@ def raytrace(
         Path | None,
         typer.Option(help="Folder for parsed S3DIS areas.  [default: a hidden file in the area]"),
     ] = None,
+    semantic_field: SemanticField = None,
+    instance_field: InstanceField = None,
     jobs: Jobs = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -169,6 +180,7 @@ def raytrace(
         suffix=f".{format}",
         jobs=number_of_jobs(jobs),
         cache=cache,
+        fields=(semantic_field, instance_field),
         overwrite=overwrite,
         quiet=quiet,
         show=not (quiet or as_json),
@@ -209,6 +221,7 @@ class _Task:
         suffix: Ending of the clouds.
         jobs: Threads.
         cache: Folder for parsed areas.
+        fields: Attributes of labelled clouds that are class and object; None: usual names.
         overwrite: Replace earlier scans.
         quiet: Say nothing of what was noticed.
         show: Show progress.
@@ -218,6 +231,7 @@ class _Task:
     suffix: str
     jobs: int
     cache: Path | None
+    fields: tuple[str | None, str | None]
     overwrite: bool
     quiet: bool
     show: bool
@@ -249,6 +263,7 @@ class _Task:
         """Read the building under a progress bar; say what was noticed."""
         from mcpseg_cli.cli.display import notice, progress_bar
         from mcpseg_cli.formats.buildings import read_building
+        from mcpseg_cli.formats.labels import LabelFields
 
         with progress_bar(f"read {area.name}", quiet=not self.show) as bar:
             task = bar.add_task("", total=None, state="")
@@ -256,7 +271,8 @@ class _Task:
             def progress(room: str, done: int, total: int) -> None:
                 bar.update(task, completed=done >> 20, total=total >> 20, state=f"MB  {room}")
 
-            building, notices = read_building(area, self.cache, progress, self.jobs)
+            fields = LabelFields(*self.fields)
+            building, notices = read_building(area, self.cache, progress, self.jobs, fields=fields)
         for line in notices:
             notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
         return building

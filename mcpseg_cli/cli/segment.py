@@ -14,8 +14,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import Clustering, Labelling, Method, OnError, Precision, ScanFormat
 from mcpseg_cli.cli.following import Arriving
+from mcpseg_cli.cli.intake_options import (
+    AskedIntake,
+    Colour,
+    FrameOption,
+    NoCheck,
+    Offset,
+    Scale,
+    Up,
+)
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -29,6 +38,7 @@ from mcpseg_cli.cli.options import (
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
+    from mcpseg_cli.cli.first_look import Taken
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import Recording
@@ -96,13 +106,12 @@ def segment(
             "in one transaction.",
         ),
     ] = False,
-    frame: Annotated[
-        Frame,
-        typer.Option(
-            help="Frame of the scans' coordinates, where the recording does not say: RGB-D images, "
-            "stations and bags do."
-        ),
-    ] = "map",
+    frame: FrameOption = "map",
+    up: Up = None,
+    scale: Scale = None,
+    offset: Offset = None,
+    colour: Colour = None,
+    no_check: NoCheck = False,
     topic: Annotated[
         str | None,
         typer.Option(help="Topic of a bag's point clouds or depth images, if there are several."),
@@ -205,8 +214,9 @@ def segment(
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
     if (offline and follow) or (idle is not None and not follow):
         raise typer.BadParameter("--follow labels scan by scan, and --idle says when it ends")
+    from mcpseg_cli.cli.first_look import take_recording
     from mcpseg_cli.config import SegmentSettings
-    from mcpseg_cli.formats.recording import TopicChoice, open_recording
+    from mcpseg_cli.formats.recording import TopicChoice, open_recording, place_recording
 
     # what can be wrong is looked at before torch is imported
     given: dict[str, object] = {
@@ -218,12 +228,22 @@ def segment(
     given |= {"floor": floor, "seed": seed}
     settings = settings_of(SegmentSettings, given)
     folder = output or default_output(recording)
-    opened = None
-    if not follow:
-        topics = TopicChoice(topic, pose_topic)
-        opened = open_recording(
-            recording, poses, frame, topics=topics, max_gap=max_time_gap, on_error=on_error
-        )
+    kept = None if overwrite else folder
+    asked, arriving = AskedIntake.of(frame, up, scale, offset, colour), None
+    if follow:
+        if poses is None:
+            raise typer.BadParameter("--follow needs a pose file after the folder of scans")
+        arriving = Arriving.of(recording, poses, frame, max_time_gap, kept)
+        found_at = arriving.first(idle, quiet=quiet)
+    else:
+        found_at = open_recording(
+            recording, poses, frame, topics=TopicChoice(topic, pose_topic),
+            max_gap=max_time_gap, on_error=on_error, any_distance=True,
+        )  # fmt: skip
+    asked = asked.in_frame(found_at.frame or frame)
+    _tell_what_was_read(found_at, folder, is_default=output is None, quiet=quiet)
+    taken = take_recording(found_at, recording, asked, kept, check=not no_check, quiet=quiet)
+    opened = place_recording(found_at, taken.intake, poses or recording)
 
     from mcpseg_cli.incremental.methods import open_method
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
@@ -232,24 +252,14 @@ def segment(
     from mcpseg_cli.segment.run_record import RunOptions
 
     chosen = open_method(method, weights)
-    arriving = None
-    if opened is None:
-        if poses is None:
-            raise typer.BadParameter("--follow needs a pose file after the folder of scans")
-        kept = None if overwrite else folder
-        arriving = Arriving.of(recording, poses, frame, max_time_gap, kept)
-        opened = arriving.first(idle, quiet=quiet)
-    frame = opened.frame or frame
-    _tell_what_was_read(opened, folder, is_default=output is None, quiet=quiet)
     found = "as given" if local_range is not None else "the default"
     if is_auto or (local_range is None and _sees_rooms(chosen)):
-        kept = None if overwrite else folder
-        distance, found = _find_range(opened, frame, settings, kept, quiet=quiet)
+        distance, found = _find_range(opened, taken, settings, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(chosen, settings, precision=precision, device=device)
     options = RunOptions(
-        frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes), topic,
-        opened.pairing_as_json(),
+        taken.intake.frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes),
+        topic, opened.pairing_as_json(), taken.intake,
     )  # fmt: skip
 
     with ExitStack() as entered:
@@ -272,11 +282,12 @@ def segment(
         if as_json:
             typer.echo(json.dumps(_document(run, opened, tally)))
         else:
-            _print_summary(run, opened, tally, range_from=found, verbose=verbose)
+            _print_summary(run, opened, tally, taken, range_from=found, verbose=verbose)
 
     if interrupt.asked and len(run.records) < len(opened):
         _tell_how_to_continue(len(run.records), len(opened))
         raise typer.Exit(130)
+    _check_labelled(run, recording)
 
 
 def default_output(recording: Path) -> Path:
@@ -309,22 +320,37 @@ def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
     return isinstance(method, Weights) and method.network.sees_windows
 
 
+def _check_labelled(run: SegmentRun, source: Path) -> None:
+    """Fail where nothing at all was labelled.
+
+    Raises:
+        InputError: All scans were skipped, or no point lies in range.
+    """
+    from mcpseg_cli.errors import InputError
+
+    if len(run.segmenter.map) or not run.records:
+        return
+    errors = [record.error for record in run.records if record.error is not None]
+    if len(errors) == len(run.records):
+        found = f"all {len(errors):,} scans were skipped, the first for: {errors[0]}"
+        raise InputError(source, found, "scans that can be read", "mend them")
+    distance = run.segmenter.settings.local_range
+    found = f"nothing was labelled: no point lies within --range {distance:g} of its scan's pose"
+    remedy = "check --frame and the poses (mcpseg info), or give a longer --range"
+    raise InputError(source, found, "points around the sensor", remedy)
+
+
 def _find_range(
-    recording: Recording,
-    frame: Frame,
-    settings: SegmentSettings,
-    kept: Path | None,
-    *,
-    quiet: bool,
+    recording: Recording, taken: Taken, settings: SegmentSettings, *, quiet: bool
 ) -> tuple[float, str]:
     """Find the range that serves the sensor, and say so; a run that is continued keeps its own."""
     from mcpseg_cli.cli.display import notice
-    from mcpseg_cli.segment.sensor import first_scans, guess_range, kept_range
+    from mcpseg_cli.segment.sensor import first_scans, guess_range, range_in
 
-    before = kept_range(kept) if kept else None
+    before = range_in(taken.kept) if taken.kept else None
     if before is not None:
         return before, "as the run was begun"
-    distance, found = guess_range(first_scans(recording, frame, settings.voxel_size))
+    distance, found = guess_range(first_scans(recording, taken.intake, settings.voxel_size))
     notice(f"mcpseg: range {distance:g} m: {found}; --range changes it", quiet=quiet)
     return distance, found
 
@@ -415,9 +441,11 @@ class _Tally:
     stages: list[dict[str, float]] = field(default_factory=list)
     points: int = 0
     points_labelled: int = 0
+    points_unmeasured: int = 0
 
     def add(self, report: ScanReport) -> None:
         self.points += report.num_points
+        self.points_unmeasured += report.num_unmeasured
         if report.update is not None:
             self.points_labelled += int((report.update.point_ids >= 0).sum())
             self.ms.append(report.ms)
@@ -450,6 +478,7 @@ def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str,
         "objects": run.segmenter.clusters.num_objects,
         "points": tally.points,
         "points_labelled": tally.points_labelled,
+        "points_left_out": tally.points_unmeasured,
         "skipped": _skipped(run),
         "pairing": recording.pairing_as_json(),
         "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
@@ -462,7 +491,13 @@ def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str,
 
 
 def _print_summary(
-    run: SegmentRun, recording: Recording, tally: _Tally, *, range_from: str, verbose: bool
+    run: SegmentRun,
+    recording: Recording,
+    tally: _Tally,
+    taken: Taken,
+    *,
+    range_from: str,
+    verbose: bool,
 ) -> None:
     """Print what a run did as a table."""
     from mcpseg_cli.cli.display import print_table
@@ -475,6 +510,15 @@ def _print_summary(
     if skipped := _skipped(run):
         rows.append(("skipped", ", ".join(skipped)))
     rows += [("poses", recording.columns), ("paired", recording.told)]
+
+    # how they were taken
+    if tally.points_unmeasured:
+        why = "no coordinates, no return, withheld or noise"
+        rows.append(("points left out", f"{tally.points_unmeasured:,}: {why}"))
+    if not taken.intake.is_plain:
+        rows.append(("coordinates", taken.intake.describe()))
+    if taken.about_colour:
+        rows.append(("colour", taken.about_colour))
 
     # the map
     rows.append(("range", f"{run.segmenter.settings.local_range:g} m, {range_from}"))

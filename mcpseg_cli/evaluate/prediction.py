@@ -12,8 +12,15 @@ from mcpseg_cli.classes import UNKNOWN, remap_table
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.evaluate.class_map import ClassMap
 from mcpseg_cli.evaluate.run_folder import RunFolder
-from mcpseg_cli.formats import read_cloud
-from mcpseg_cli.formats.labels import check_classes, confidence_column, point_labels
+from mcpseg_cli.formats import read_measured
+from mcpseg_cli.formats.intake import Intake
+from mcpseg_cli.formats.labels import (
+    USUAL,
+    LabelFields,
+    check_classes,
+    confidence_column,
+    point_labels,
+)
 from mcpseg_cli.formats.recording import MAX_COORDINATE
 
 _DEFAULT_VOXEL = 0.1  # metres; points pair within half a voxel when the map does not say its size
@@ -55,6 +62,11 @@ class Prediction:
         return self.folder.path if self.folder else self.source
 
     @property
+    def intake(self) -> Intake:
+        """How the recording became this map; as it was, of one cloud."""
+        return self.folder.configuration.intake if self.folder else Intake()
+
+    @property
     def unit(self) -> str:
         """What its points are, ``voxel`` or ``point``."""
         return "voxel" if self.folder else "point"
@@ -66,7 +78,10 @@ class Prediction:
 
 
 def read_prediction(
-    output: Path, classes: tuple[str, ...] = (), class_map: ClassMap | None = None
+    output: Path,
+    classes: tuple[str, ...] = (),
+    class_map: ClassMap | None = None,
+    fields: LabelFields = USUAL,
 ) -> Prediction:
     """Read what is to be scored.
 
@@ -75,6 +90,7 @@ def read_prediction(
         classes: Class table to score it in, matched by name; by default its own. A file without
             class names is taken to have this one.
         class_map: What its classes stand for; ``classes`` is that of the map then.
+        fields: Which attributes of a cloud are its labels; a map has those of mcpseg.
 
     Raises:
         InputError: Nothing there, damaged, without labels, with a class that ``classes`` lacks, or
@@ -83,12 +99,13 @@ def read_prediction(
     """
     # the cloud, and the run it belongs to
     path = _find_cloud(output)
-    cloud = read_cloud(path)
+    cloud = read_measured(path).measured()
     _check_extent(cloud.xyz, path)
     folder = RunFolder.read(output) if output.is_dir() else None
+    fields = USUAL if folder or cloud.label("semantic") is not None else fields
 
     # its classes, in the table asked for
-    own, instance = point_labels(cloud, path)
+    own, instance = point_labels(cloud, path, fields=fields)
     if class_map is not None:
         lookup, classes = _mapped(cloud.classes, class_map, path), class_map.classes
     else:

@@ -26,7 +26,7 @@ from mcpseg_cli.evaluate.prediction import Prediction, read_prediction
 from mcpseg_cli.evaluate.room_scores import RoomScores, score_rooms
 from mcpseg_cli.evaluate.scan_by_scan import ScanByScan, follow_scans
 from mcpseg_cli.evaluate.truth import Truth, open_truth
-from mcpseg_cli.formats.labels import check_classes
+from mcpseg_cli.formats.labels import USUAL, LabelFields, check_classes
 from mcpseg_cli.reliability import Reliability
 
 Progress = Callable[[str, int, int], None]
@@ -58,6 +58,11 @@ class PointCounts:
     in_objects: int
     truth_points: int
     truth_uncovered: int
+
+    @property
+    def truth_covered_share(self) -> float:
+        """Share of the true points that have a point of the map within reach, 0-1."""
+        return 1.0 - self.truth_uncovered / max(self.truth_points, 1)
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,7 @@ def evaluate_run(
     *,
     classes: tuple[str, ...] = (),
     class_map: ClassMap | None = None,
+    fields: LabelFields = USUAL,
     told: Progress = lambda *_: None,
 ) -> Scores:
     """Score a run of ``mcpseg segment``, or one labelled cloud.
@@ -140,6 +146,8 @@ def evaluate_run(
         truth: Folder of labelled clouds, one labelled cloud, an HDF5 building, or an S3DIS area.
         classes: Class table of the scores; by default that of the output, else of the truth.
         class_map: What the classes of both stand for, instead of ``classes``.
+        fields: Which attributes of clouds are their labels, where they are not named as mcpseg
+            names them.
         told: How far reading has come.
 
     Returns:
@@ -152,8 +160,13 @@ def evaluate_run(
         OSError: A file cannot be read.
     """
     # what is scored, and what it is compared with
-    prediction = read_prediction(output, classes, class_map)
-    source = open_truth(truth, lambda _, done, size: told("ground truth", done >> 20, size >> 20))
+    prediction = read_prediction(output, classes, class_map, fields)
+    source = open_truth(
+        truth,
+        lambda _, done, size: told("ground truth", done >> 20, size >> 20),
+        prediction.intake,
+        fields,
+    )
 
     # the truth about every point, in the class table of the scores
     paired = pair_with_truth(

@@ -15,10 +15,9 @@ from mcpseg_cli.evaluate.label_stability import LabelHistory, Stability
 from mcpseg_cli.evaluate.prediction import Prediction
 from mcpseg_cli.evaluate.run_folder import RunFolder
 from mcpseg_cli.evaluate.score_curve import CurveRecorder, ScoreCurve
-from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.formats import read_measured
 from mcpseg_cli.formats.labels import point_labels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.scan import to_map_frame
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import ScanEvent
 from mcpseg_cli.segment.labelled_run import LabelledRun
@@ -192,14 +191,14 @@ def _looks(
     voxels: VoxelMap,
 ) -> Iterator[tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]]:
     """Give the voxels that each scan labelled, with their labels as known then."""
+    intake = folder.configuration.intake
     is_rounded = folder.configuration.format in ("las", "laz")
     for path, pose in zip(folder.labelled_scans(), poses, strict=True):
         # a labelled scan has its own frame, as its input had
-        cloud = read_cloud(path)
+        cloud = read_measured(path).measured()
         own, instance = point_labels(cloud, path)
         semantic = lookup[own]
-        xyz = cloud.xyz if pose is None else to_map_frame(cloud.xyz, pose)
-        xyz = xyz.astype(np.float32, copy=False)
+        xyz = intake.place_points(cloud.xyz, pose)
 
         # the first labelled point of every voxel
         ids = voxels.find(xyz)

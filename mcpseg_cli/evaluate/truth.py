@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,15 @@ from pydantic import BaseModel
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, read_measured
 from mcpseg_cli.formats.buildings import HDF5_SUFFIXES, read_building
-from mcpseg_cli.formats.labels import point_labels
+from mcpseg_cli.formats.intake import Intake
+from mcpseg_cli.formats.labels import USUAL, LabelFields, point_labels
 from mcpseg_cli.formats.recording import list_clouds
 from mcpseg_cli.formats.s3dis import Progress
 
 NO_ROOM = -1
+_AS_IT_IS = Intake()
 _SLICE = 1 << 20  # points of a building that make a part
 
 
@@ -68,6 +70,8 @@ class Truth:
         paths: Clouds to read; empty for a building.
         building: The building, if it is one.
         room_of_object: (highest id + 1,) int32 room of each object in the clouds, -1 for none.
+        intake: How the recording became the map: truth is in the recording's coordinates.
+        fields: Which attributes of the clouds are their labels.
     """
 
     source: Path
@@ -76,6 +80,8 @@ class Truth:
     paths: tuple[Path, ...] = ()
     building: Building | None = None
     room_of_object: NDArray[np.int32] | None = None
+    intake: Intake = _AS_IT_IS
+    fields: LabelFields = USUAL
 
     def __len__(self) -> int:
         """Return how many parts there are."""
@@ -88,21 +94,33 @@ class Truth:
             InputError: A cloud is damaged, has no labels, or classes beyond its table.
         """
         if self.building is not None:
-            yield from _slices(self.source, self.building)
+            for part in _slices(self.source, self.building):
+                yield replace(part, xyz=self._placed(part.xyz))
         for path in self.paths:
-            cloud = read_cloud(path)
-            semantic, instance = point_labels(cloud, path)
+            cloud = read_measured(path).measured()
+            semantic, instance = point_labels(cloud, path, fields=self.fields)
             room = _look_up(self.room_of_object, instance)
-            yield TruthPart(path, cloud.xyz, semantic, instance, room, cloud.classes)
+            yield TruthPart(path, self._placed(cloud.xyz), semantic, instance, room, cloud.classes)
+
+    def _placed(self, xyz: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Move true points to where the map has them."""
+        return xyz if self.intake.is_plain else self.intake.place_points(xyz)
 
 
-def open_truth(path: Path, progress: Progress | None = None) -> Truth:
+def open_truth(
+    path: Path,
+    progress: Progress | None = None,
+    intake: Intake = _AS_IT_IS,
+    fields: LabelFields = USUAL,
+) -> Truth:
     """Find out what ground truth is and which rooms it names; clouds are not read yet.
 
     Args:
         path: A folder of labelled clouds (with ``raytrace.json`` beside it, the rooms are known),
             one labelled cloud, an HDF5 building, or an area or room in the S3DIS layout.
         progress: Told how far reading S3DIS text has come.
+        intake: How the recording became the map it is compared with.
+        fields: Which attributes are the labels.
 
     Raises:
         InputError: Nothing there, or none of these.
@@ -120,11 +138,12 @@ def open_truth(path: Path, progress: Progress | None = None) -> Truth:
     # clouds, whose objects a record may give rooms; a building; one cloud
     if path.is_dir() and _has_clouds(path):
         rooms, room_of_object = _rooms_of_recording(path.absolute().parent / "raytrace.json")
-        return Truth(path, rooms, paths=tuple(list_clouds(path)), room_of_object=room_of_object)
+        clouds = tuple(list_clouds(path))
+        return Truth(path, rooms, (), clouds, None, room_of_object, intake, fields)
     if path.is_dir() or path.suffix.lower() in HDF5_SUFFIXES:
         building, notices = read_building(path, progress=progress)
-        return Truth(path, building.rooms, notices, building=building)
-    return Truth(path, paths=(path,))
+        return Truth(path, building.rooms, notices, building=building, intake=intake)
+    return Truth(path, paths=(path,), intake=intake, fields=fields)
 
 
 def _has_clouds(folder: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import Cloud, write_parts
+from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 _COLOURS = ("red", "green", "blue")
@@ -53,7 +55,8 @@ class MapCloud:
 
     def __iter__(self) -> Iterator[Cloud]:
         for part in self._chosen():
-            yield as_cloud(part, self._colour, self._run.classes, self._prefix)
+            cloud = as_cloud(part, self._colour, self._run.classes, self._prefix)
+            yield in_recording(cloud, self._run.intake)
 
     @cached_property
     def _count(self) -> int:
@@ -91,6 +94,19 @@ def as_cloud(
     columns[f"{label_prefix}instance"] = part.instance
     columns[f"{label_prefix}confidence"] = part.confidence
     return Cloud(columns, classes)
+
+
+def in_recording(cloud: Cloud, intake: Intake) -> Cloud:
+    """Return a cloud of the map where the recording has it: in its axes, unit and offset.
+
+    Args:
+        cloud: In the map's frame.
+        intake: How the recording was taken; where it was as it is, the cloud is returned.
+    """
+    if intake.is_plain:
+        return cloud
+    xyz = intake.to_recording(cloud.xyz)
+    return replace(cloud, columns=cloud.columns | dict(zip("xyz", xyz.T, strict=True)))
 
 
 def label_prefix_for(path: Path) -> str:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.export.colours import colouring
-from mcpseg_cli.export.map_cloud import as_cloud, label_prefix_for
+from mcpseg_cli.export.map_cloud import as_cloud, in_recording, label_prefix_for
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts
 from mcpseg_cli.formats.parts import OnePart
@@ -20,6 +21,7 @@ from mcpseg_cli.incremental.objects import MapObject
 from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun, joined
 
+_PLACES = ("centroid", "aabb_min", "aabb_max", "obb_centre")
 _AXES = {
     "centroid": ("x", "y", "z"), "aabb_min": ("x", "y", "z"), "aabb_max": ("x", "y", "z"),
     "obb_centre": ("x", "y", "z"), "obb_size": ("length", "width", "height"),
@@ -33,7 +35,7 @@ def write_objects(run: LabelledRun, path: Path, selection: Selection) -> int:
         run: The map.
         path: A .json file (as objects.json of a run), .csv (a row an object) or .geojson (a
             footprint an object: its oriented box from above, coordinates in metres of the map
-            frame); replaced if there.
+            frame, where the run's offset is added again); replaced if there.
         selection: Which objects: by their class, id, confidence and centroid.
 
     Returns:
@@ -43,7 +45,7 @@ def write_objects(run: LabelledRun, path: Path, selection: Selection) -> int:
         InputError: Nothing is chosen.
         OSError: The disk is full or the folder not writable.
     """
-    items = _chosen(run, selection)
+    items = [_moved(item, run.intake.offset_metres) for item in _chosen(run, selection)]
     suffix = path.suffix.lower()
     if suffix == ".csv":
         text = _as_csv(items)
@@ -87,6 +89,7 @@ def write_object_clouds(
     for item, rows in zip(items, np.split(order, ends[:-1]), strict=True):
         path = folder / f"{item.id:06d}_{item.class_name.replace('/', '_')}{suffix}"
         cloud = as_cloud(voxels.select(rows), colour, run.classes, label_prefix_for(path))
+        cloud = in_recording(cloud, run.intake)
         write_parts(path, OnePart(cloud))
     return len(items)
 
@@ -98,6 +101,18 @@ def _chosen(run: LabelledRun, selection: Selection) -> list[MapObject]:
     if not items:
         raise selection.nothing_chosen(run)
     return items
+
+
+def _moved(item: MapObject, offset: NDArray[np.float64]) -> MapObject:
+    """Return an object moved by an offset, metres."""
+    if not offset.any():
+        return item
+    places = {name: getattr(item, name) for name in _PLACES}
+    moved = {
+        name: tuple(round(value, 4) for value in (np.array(place) + offset).tolist())
+        for name, place in places.items()
+    }
+    return replace(item, **moved)  # type: ignore[arg-type]
 
 
 def _as_csv(items: list[MapObject]) -> str:

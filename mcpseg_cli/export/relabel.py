@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import write_cloud
+from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.formats.recording import (
     ScanFile,
     ScanSource,
@@ -91,7 +92,7 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
     sources = check_scans(run, scans)
 
     # the whole map as a look-up table, and the labels of its voxels
-    voxel_size, frame = float(str(run.settings["voxel_size"])), run.settings["frame"]
+    voxel_size, intake = float(str(run.settings["voxel_size"])), Intake.of(run.settings)
     voxels, labels = VoxelMap(voxel_size), []
     for part in run.parts():
         voxels.restore(part.xyz, part.rgb)
@@ -101,7 +102,7 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
     # every scan by itself
     folder.mkdir(exist_ok=True)
     for source in sources:
-        scan, cloud = read_scan(source, "sensor" if frame == "sensor" else "map", voxel_size)
+        scan, cloud = read_scan(source, intake, voxel_size)
         ids = voxels.find(scan.xyz)  # -1 finds the last row
         path = folder / labelled_name(source.name, None)
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.formats.cloud import Cloud, checked
+from mcpseg_cli.formats.cloud import Cloud, checked, mark_valid
 from mcpseg_cli.formats.parts import CloudParts, OnePart
 from mcpseg_cli.formats.steady import steady_file
 from mcpseg_cli.resumable import whole_file
@@ -31,6 +31,27 @@ def read_cloud(path: Path) -> Cloud:
         InputError: The file is damaged, empty, of another format, or has NaN coordinates.
         OSError: The file cannot be opened.
     """
+    return checked(path, _read(path))
+
+
+def read_measured(path: Path) -> Cloud:
+    """Read a point cloud file as a sensor left it, with pixels that saw nothing.
+
+    Args:
+        path: As for ``read_cloud``.
+
+    Returns:
+        All points; ``valid`` tells which are measured: finite, and neither withheld nor noise.
+
+    Raises:
+        InputError: As for ``read_cloud``, but for NaN coordinates; no point is measured.
+        OSError: The file cannot be opened.
+    """
+    return mark_valid(path, _read(path))
+
+
+def _read(path: Path) -> Cloud:
+    """Read a file by its ending."""
     suffix = path.suffix.lower()
     if suffix == ".ply":
         from mcpseg_cli.formats.ply import read_ply as read
@@ -45,10 +66,12 @@ def read_cloud(path: Path) -> Cloud:
     elif suffix in READ_ONLY_SUFFIXES:
         from mcpseg_cli.formats.text_cloud import read_text as read
     else:
-        found = f"a file ending in {suffix or 'nothing'!r}"
+        from mcpseg_cli.formats.magic import recognise
+
+        found = f"a file ending in {suffix or 'nothing'!r}{recognise(path, ', ')}"
         expected = ", ".join((*CLOUD_SUFFIXES, *READ_ONLY_SUFFIXES))
         raise InputError(path, found, expected, "convert it")
-    return checked(path, read(path))
+    return read(path)
 
 
 def write_cloud(path: Path, cloud: Cloud) -> None:
@@ -163,6 +186,7 @@ __all__ = [
     "CloudParts",
     "Labels",
     "read_cloud",
+    "read_measured",
     "whole_cloud",
     "write_cloud",
     "write_parts",

@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.hdf5 import read_building_h5
-from mcpseg_cli.formats.labels import point_labels
+from mcpseg_cli.formats.labels import USUAL, LabelFields, find_label, point_labels
 from mcpseg_cli.formats.s3dis import Progress, read_area
 from mcpseg_cli.scan import GREY
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
+_HIGHEST = 150.0  # metres
+_SOME_FLOOR = 100  # points of the floor that say how it lies
+_STANDING = 5.0  # times as high as thick: a floor that stands upright
 _FARTHEST = 16384.0  # metres; float32 steps are 1 mm to here
 
 
@@ -28,6 +31,7 @@ def read_building(
     threads: int = 2,
     *,
     use_cache: bool = True,
+    fields: LabelFields = USUAL,
 ) -> tuple[Building, tuple[str, ...]]:
     """Read a labelled building.
 
@@ -40,6 +44,7 @@ def read_building(
         progress: Told how far reading S3DIS text has come.
         threads: S3DIS files read at once.
         use_cache: False neither reads nor writes the S3DIS cache.
+        fields: Which attributes of a cloud are its labels.
 
     Returns:
         The building, and a line for each thing the user should know.
@@ -57,7 +62,7 @@ def read_building(
     elif not path.exists():
         raise InputError(path, "no such file or folder", "a labelled building", "check the path")
     elif path.suffix.lower() in CLOUD_SUFFIXES:
-        building, notices = _from_cloud(path, read_cloud(path))
+        building, notices = _from_cloud(path, read_measured(path), fields)
     else:
         found = f"a file ending in {path.suffix or 'nothing'!r}"
         expected = f"a folder, {', '.join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))}"
@@ -67,17 +72,23 @@ def read_building(
     return building, notices
 
 
-def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
+def _from_cloud(path: Path, cloud: Cloud, fields: LabelFields) -> tuple[Building, tuple[str, ...]]:
     """Take a labelled cloud for a building without rooms."""
-    # labels, of which object ids may be missing
+    # points that are none
     notices = []
+    if cloud.valid is not None:
+        count = f"{int((~cloud.valid).sum()):,} points"
+        notices.append(f"{count} without coordinates, withheld or of noise are left out")
+        cloud = cloud.measured()
+
+    # labels, of which object ids may be missing
     classes = cloud.classes or S3DIS_CLASSES
     labelled = cloud
-    if cloud.label("instance") is None:
+    if find_label(cloud, "instance", path, fields.instance) is None:
         notices.append("no attribute instance; every point has object 0 (none)")
         none = np.zeros(len(cloud), np.int32)
         labelled = replace(cloud, columns=cloud.columns | {"instance": none})
-    semantic, instance = point_labels(labelled, path, classes)
+    semantic, instance = point_labels(labelled, path, classes, fields)
 
     # what else a building has
     rgb = cloud.rgb
@@ -86,7 +97,29 @@ def _from_cloud(path: Path, cloud: Cloud) -> tuple[Building, tuple[str, ...]]:
         rgb = np.full((len(cloud), 3), GREY, np.uint8)
     xyz = cloud.xyz
     _check_extent(path, xyz)
+    _check_upright(path, xyz, semantic, classes)
     return Building(xyz.astype(np.float32), rgb, semantic, instance, classes), tuple(notices)
+
+
+def _check_upright(
+    path: Path, xyz: NDArray[np.floating], semantic: NDArray[np.uint8], classes: tuple[str, ...]
+) -> None:
+    """Refuse buildings that are too high for metres, or whose floor stands upright."""
+    low, high = np.quantile(xyz.astype(np.float64), [0.01, 0.99], axis=0)
+    height = float(high[2] - low[2])
+    if height > _HIGHEST:
+        found, expected = f"a building {height:,.0f} m high", f"metres, {_HIGHEST:g} at most"
+        raise InputError(path, found, expected, "convert millimetres or centimetres to metres")
+
+    floor = xyz[semantic == classes.index("floor")] if "floor" in classes else xyz[:0]
+    if len(floor) < _SOME_FLOOR:
+        return
+    extent = np.ptp(np.quantile(floor.astype(np.float64), [0.1, 0.9], axis=0), axis=0)
+    if extent[2] > _STANDING * max(extent.min(), 0.1) and extent[2] > _STANDING / 2:
+        found = (
+            f"a floor that lies flat in {'xyz'[int(extent.argmin())]} and {extent[2]:.1f} m high"
+        )
+        raise InputError(path, found, "z up", "turn the building so that z points up")
 
 
 def _check_extent(path: Path, xyz: NDArray[np.floating]) -> None:

@@ -150,7 +150,8 @@ class GrowingFolder:
             scans = tuple(ScanFile(path, None, self.directory) for path in paths)
             paired = pair_with(
                 Recording(self.directory, "growing folder of scans", scans),
-                self.poses_path, self._frame, self._max_gap, is_growing=not is_over,
+                self.poses_path, self._frame, self._max_gap,
+                is_growing=not is_over, any_distance=True,
             )  # fmt: skip
         except InputError as error:
             self.problem = error

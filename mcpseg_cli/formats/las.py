@@ -7,11 +7,14 @@ from typing import BinaryIO
 
 import laspy
 import numpy as np
+from laspy.header import Version
+from laspy.vlrs.vlrlist import VLRList
 from lazrs import LazrsError
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.parts import CloudParts
 
 _CHUNK = 1_000_000  # points decompressed at a time
@@ -22,6 +25,10 @@ _NAME_BYTES = 32  # of an extra dimension
 _HEADER_1_0, _HEADER_1_4 = 227, 375  # bytes of headers (LAS 1.4, table 3)
 _RECORD, _EXTENDED_RECORD = 54, 60  # bytes of a record's header (tables 8 and 9)
 _COMPRESSED = 0x80  # bit of the point format
+_STEP, _WIDE_STEP = 1e-4, 1e-2  # of coordinates, which LAS has as integers of 32 bits
+_FAR = 1e5  # from here on they need an offset, and clouds this wide the wider step
+_NOISE = (7, 18)  # classifications of points that are none (LAS 1.4, table 17)
+_FIRST_WRITTEN = 2  # minor version: laspy reads older files and writes none
 _DAMAGE = (  # what laspy and lazrs raise for damaged files
     laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError,
     ArithmeticError, MemoryError, struct.error,
@@ -33,10 +40,10 @@ def read_las(path: Path) -> Cloud:
     """Read a LAS or LAZ file with all its dimensions; coordinates are scaled to float64 metres.
 
     Args:
-        path: The file.
+        path: The file; COPC and versions 1.0 and 1.1 are read, and written back as 1.4.
 
     Returns:
-        Its points, and its header for writing them back.
+        Its points, those withheld and of noise marked, and its header for writing them back.
 
     Raises:
         InputError: Not LAS, cut short, or a compressed chunk that does not decode.
@@ -60,7 +67,27 @@ def read_las(path: Path) -> Cloud:
         for name in header.point_format.dimension_names:
             if name not in _COORDINATES:
                 columns[name] = np.asarray(points[name])
-    return Cloud(columns, _read_classes(header), header)
+    excluded = _excluded(columns)
+    return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
+
+
+def _excluded(columns: dict[str, NDArray[np.generic]]) -> NDArray[np.bool_] | None:
+    """Tell which points are not to be processed: withheld, or noise; None where all are."""
+    excluded = np.isin(columns["classification"], _NOISE)
+    if "withheld" in columns:
+        excluded |= columns["withheld"] != 0
+    return excluded if excluded.any() else None
+
+
+def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
+    """Return a header that can be written: without what only COPC has, and not older than 1.2."""
+    for name in ("vlrs", "evlrs"):
+        if records := getattr(header, name):
+            kept = [record for record in records if record.user_id.lower() != "copc"]
+            setattr(header, name, VLRList(kept))
+    if header.version.minor < _FIRST_WRITTEN:
+        header.version = Version(1, 4)
+    return header
 
 
 def _check_counts(path: Path) -> None:
@@ -70,7 +97,8 @@ def _check_counts(path: Path) -> None:
         head = file.read(_HEADER_1_4)
     if head[:4] != b"LASF" or len(head) < _HEADER_1_0:
         remedy = "check that this is a LAS file"
-        raise InputError(path, f"starts with {head[:8]!r}", "a LAS or LAZ header", remedy)
+        found = f"starts with {head[:8]!r}{recognise(path, ', ')}"
+        raise InputError(path, found, "a LAS or LAZ header", remedy)
 
     # version 1.4 counts in 64 bits
     start, num_records, point_format, point_size, num_points = struct.unpack_from(
@@ -140,6 +168,11 @@ def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
         compress: Whether to write LAZ.
     """
     first = next(iter(parts))
+    if not all(np.isfinite(first.columns[axis]).all() for axis in "xyz"):
+        raise OutputError(
+            "LAS has no place for points without coordinates, which the scan has; expected finite "
+            "ones; choose --format ply, pcd or npz"
+        )
     blank = _header_for(first)
     header = copy.deepcopy(blank)
     _make_room(header, first)
@@ -158,8 +191,11 @@ def _header_for(cloud: Cloud) -> laspy.LasHeader:
         header = copy.deepcopy(cloud.las_header)
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
-        header.scales = np.full(3, 1e-4)
-        low = [cloud.columns[axis].astype(np.float64).min(initial=0.0) for axis in "xyz"]
+        axes = [cloud.columns[axis].astype(np.float64) for axis in "xyz"]
+        low = np.array([axis.min() if len(axis) else 0.0 for axis in axes])
+        high = np.array([axis.max(initial=0.0) for axis in axes])
+        low = np.where(np.abs(low) < _FAR, np.minimum(low, 0.0), low)
+        header.scales = np.full(3, _STEP if (high - low).max() < _FAR else _WIDE_STEP)
         header.offsets = np.floor(low)
 
     # the class table replaces an earlier one

@@ -15,9 +15,14 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import Cloud
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.parts import CloudParts
 
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
+_COORDINATES = (
+    "xyz", "points", "coords", "coord", "coordinates", "positions", "position", "pos", "vertices",
+    "pts", "pcd", "point_cloud",
+)  # fmt: skip
 _CLASSES = "class_names"
 _DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise for damaged files
     ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError, ArithmeticError, OSError,
@@ -27,6 +32,8 @@ _DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise f
 
 def read_npz(path: Path) -> Cloud:
     """Read a numpy archive: ``xyz`` is required, ``rgb`` and other arrays of N rows are kept.
+
+    Coordinates are found as ``points``, ``coords``, ``positions`` and the like, too.
 
     Args:
         path: The file; opened with ``allow_pickle=False``.
@@ -106,12 +113,28 @@ def _coordinates(path: Path, arrays: dict[str, NDArray[np.generic]]) -> NDArray[
     expected = "an array xyz (N, 3) of numbers"
     remedy = "save it with numpy.savez(path, xyz=…, rgb=…)"
     if "xyz" not in arrays:
-        found = f"arrays {', '.join(arrays) or '(none)'}"
-        raise InputError(path, found, expected, remedy)
+        _rename_coordinates(arrays)
+    if "xyz" not in arrays:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError(path, f"arrays {shapes or '(none)'}", expected, remedy)
     xyz = arrays["xyz"]
     if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.dtype.kind not in "fiu":
         raise InputError(path, f"xyz is {xyz.dtype} {xyz.shape}", expected, remedy)
     return xyz
+
+
+def _rename_coordinates(arrays: dict[str, NDArray[np.generic]]) -> None:
+    """Call coordinates under another usual name ``xyz``, if there is one such array."""
+    lowered = {name.lower(): name for name in arrays}
+    for known in _COORDINATES:
+        name = lowered.get(known, "")
+        if name and arrays[name].ndim == 2 and arrays[name].shape[1] == 3:
+            arrays["xyz"] = arrays.pop(name)
+            return
+    if all(axis in lowered and arrays[lowered[axis]].ndim == 1 for axis in "xyz"):
+        axes = [arrays.pop(lowered[axis]) for axis in "xyz"]
+        if len({len(axis) for axis in axes}) == 1:
+            arrays["xyz"] = np.stack(axes, axis=1)
 
 
 def _load(path: Path) -> dict[str, NDArray[np.generic]]:
@@ -125,7 +148,8 @@ def _load(path: Path) -> dict[str, NDArray[np.generic]]:
             return {name: archive[name] for name in archive.files}
     except _DAMAGE as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
-        found, expected = f"an archive that does not load ({cause})", "plain arrays"
+        kind = recognise(path, ", ").replace(", it is a ZIP or NPZ archive", "")
+        found, expected = f"an archive that does not load ({cause}){kind}", "plain arrays"
         raise InputError(
             path, found, f"{expected} in an undamaged NPZ", "save it again, no objects"
         ) from error

@@ -14,9 +14,11 @@ from typing import BinaryIO
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.cloud import Cloud, as_number, without_spaces
+from mcpseg_cli.formats.cloud import Cloud, Organisation, as_number, without_spaces
+from mcpseg_cli.formats.magic import recognise, saw
 from mcpseg_cli.formats.parts import CloudParts
 
 _MAX_HEADER = 1 << 14
@@ -27,6 +29,7 @@ _PADDING = "_"
 _COLOURS = ("red", "green", "blue")
 _PACKED = {"rgb": 3, "rgba": 4}
 _CLASSES_COMMENT = "# mcpseg classes "
+_NOWHERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # the viewpoint of a file that says none
 
 
 @dataclass
@@ -38,6 +41,7 @@ class _Header:
     encoding: str
     classes: tuple[str, ...]
     size: int
+    organisation: Organisation
 
 
 def read_pcd(path: Path) -> Cloud:
@@ -74,7 +78,30 @@ def read_pcd(path: Path) -> Cloud:
                 columns |= _unpack_colours(column, _PACKED[name])
         elif not name.startswith(_PADDING + " "):
             columns[name] = column
-    return Cloud(columns, header.classes)
+    return Cloud(columns, header.classes, organisation=header.organisation)
+
+
+def pcd_pose(path: Path) -> NDArray[np.float64] | None:
+    """Read the viewpoint of a PCD file as a pose.
+
+    Args:
+        path: The file; only its header is read.
+
+    Returns:
+        (4, 4) float64, sensor to map; None where the header says none, or the origin.
+
+    Raises:
+        InputError: A damaged header.
+    """
+    with path.open("rb") as file:
+        viewpoint = _parse_header(path, file.read(_MAX_HEADER)).organisation.viewpoint
+    norm = float(np.linalg.norm(viewpoint[3:]))
+    if viewpoint == _NOWHERE or not norm > 0:
+        return None
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(viewpoint[3:], scalar_first=True).as_matrix()
+    pose[:3, 3] = viewpoint[:3]
+    return pose
 
 
 def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
@@ -90,7 +117,7 @@ def write_pcd(file: BinaryIO, parts: CloudParts) -> None:
     for number, cloud in enumerate(parts):
         columns = _fields(cloud)
         if number == 0:
-            file.write(_header_text(len(parts), columns, cloud.classes))
+            file.write(_header_text(len(parts), columns, cloud))
 
         # point after point
         dtype = [
@@ -115,18 +142,20 @@ def _fields(cloud: Cloud) -> dict[str, NDArray[np.generic]]:
     return {name: column.reshape(len(cloud), -1) for name, column in columns.items()}
 
 
-def _header_text(
-    num_points: int, columns: dict[str, NDArray[np.generic]], classes: tuple[str, ...]
-) -> bytes:
-    """Write the header of a binary file."""
+def _header_text(num_points: int, columns: dict[str, NDArray[np.generic]], cloud: Cloud) -> bytes:
+    """Write the header of a binary file; the cloud says its classes and how it is laid out."""
+    layout = cloud.organisation or Organisation(_NOWHERE, num_points, 1)
+    is_organised = layout.width * layout.height == num_points
+    width, height = (layout.width, layout.height) if is_organised else (num_points, 1)
+    viewpoint = " ".join(f"{number:.9g}" for number in layout.viewpoint)
     kinds = {kind: letter for letter, kind in _KINDS.items()}
     lines = ["# .PCD v0.7 - Point Cloud Data file format"]
-    lines += [_CLASSES_COMMENT + ",".join(classes)] * bool(classes)
+    lines += [_CLASSES_COMMENT + ",".join(cloud.classes)] * bool(cloud.classes)
     lines += ["VERSION 0.7", f"FIELDS {' '.join(columns)}"]
     lines += [f"SIZE {' '.join(str(column.dtype.itemsize) for column in columns.values())}"]
     lines += [f"TYPE {' '.join(kinds[column.dtype.kind] for column in columns.values())}"]
     lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
-    lines += [f"WIDTH {num_points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0"]
+    lines += [f"WIDTH {width}", f"HEIGHT {height}", f"VIEWPOINT {viewpoint}"]
     lines += [f"POINTS {num_points}", "DATA binary"]
     return ("\n".join(lines) + "\n").encode()
 
@@ -144,10 +173,13 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     match = re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if match is None:
         remedy = "the file is cut short or not PCD; copy it again"
-        raise InputError(path, "no DATA line", "a PCD header", remedy)
+        found = f"no DATA line{recognise(path, ', ').replace(', it is PCD', '')}"
+        raise InputError(path, found, "a PCD header", remedy)
     lines = data[: match.start()].decode("utf-8", errors="replace").splitlines()
     entries = [line.split() for line in lines if line.strip() and not line.startswith("#")]
     words = {entry[0]: entry[1:] for entry in entries}
+    if "FIELDS" in words:
+        words["FIELDS"] = [name.lower() if name in "XYZ" else name for name in words["FIELDS"]]
 
     # how the points are written, and as what
     encoding = match.group(1).decode("latin-1")
@@ -155,8 +187,8 @@ def _parse_header(path: Path, data: bytes) -> _Header:
         expected = f"one of {', '.join(_ENCODINGS)}"
         raise InputError(path, f"DATA {encoding}", expected, "convert the file")
     if missing := [axis for axis in "xyz" if axis not in words.get("FIELDS", "xyz")]:
-        found, remedy = f"no field {', '.join(missing)}", "export the cloud with coordinates"
-        raise InputError(path, found, "x, y and z", remedy)
+        found = f"no field {', '.join(missing)} among {saw(words['FIELDS'], missing)}"
+        raise InputError(path, found, "x, y and z", "export the cloud with coordinates")
     try:
         dtype, num_points = _dtype(words), int(words["POINTS"][0])
         if num_points < 0 or any(dtype[axis].shape for axis in "xyz"):
@@ -169,7 +201,18 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     comments = [line for line in lines if line.startswith(_CLASSES_COMMENT)]
     names = comments[0].removeprefix(_CLASSES_COMMENT).strip() if comments else ""
     classes = tuple(names.split(",")) if comments else ()
-    return _Header(dtype, num_points, encoding, classes, match.end())
+    return _Header(dtype, num_points, encoding, classes, match.end(), _organisation(words))
+
+
+def _organisation(words: dict[str, list[str]]) -> Organisation:
+    """Take viewpoint, width and height of a header; what makes no sense is as if not there."""
+    try:
+        viewpoint = tuple(map(float, words.get("VIEWPOINT", [])))
+        if len(viewpoint) != len(_NOWHERE) or not np.isfinite(viewpoint).all():
+            viewpoint = _NOWHERE
+        return Organisation(viewpoint, int(words["WIDTH"][0]), int(words["HEIGHT"][0]))
+    except (KeyError, ValueError, IndexError):
+        return Organisation(_NOWHERE, 0, 1)
 
 
 def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud, scalar_columns, without_spaces
+from mcpseg_cli.formats.magic import recognise, saw
 from mcpseg_cli.formats.parts import CloudParts
 
 _DTYPES = {
@@ -113,7 +114,8 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse the header up to and including ``end_header``."""
     if not data.startswith(b"ply"):
         remedy = "check that this is a PLY file"
-        raise InputError(path, f"starts with {data[:8]!r}", "the word 'ply'", remedy)
+        found = f"starts with {data[:8]!r}{recognise(path, ', ')}"
+        raise InputError(path, found, "the word 'ply'", remedy)
     end = re.search(rb"^end_header[ \t\r]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if end is None:
         remedy = "the file is cut short or not PLY; copy it again"
@@ -152,8 +154,8 @@ def _vertex_position(path: Path, header: _Header) -> int:
     position = names.index("vertex")
     properties = dict(header.elements[position].properties)
     if missing := [axis for axis in "xyz" if axis not in properties]:
-        found, remedy = f"no property {', '.join(missing)}", "export the cloud with coordinates"
-        raise InputError(path, found, "x, y and z", remedy)
+        found = f"no property {', '.join(missing)} among {saw(properties, missing)}"
+        raise InputError(path, found, "x, y and z", "export the cloud with coordinates")
     if any(element.has_list for element in header.elements[: position + 1]):
         found = "a list property in or before the vertices"
         raise InputError(path, found, "scalar properties", "export points only")
@@ -177,7 +179,8 @@ def _parse_header_line(header: _Header, words: list[str], line: str) -> None:
     elif words[0] == "property" and words[1] == "list":
         header.elements[-1].has_list = True
     elif words[0] == "property":
-        header.elements[-1].properties.append((words[2], _DTYPES[words[1]]))
+        name = words[2].lower() if words[2] in "XYZ" else words[2]
+        header.elements[-1].properties.append((name, _DTYPES[words[1]]))
     else:
         raise ValueError(words[0])
 

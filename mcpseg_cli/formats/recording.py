@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Frame, OnError
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud
+from mcpseg_cli.formats.intake import Intake, take_points
 from mcpseg_cli.formats.pairing import MAX_GAP_S, Pairing, pair
+from mcpseg_cli.formats.pcd import pcd_pose
 from mcpseg_cli.formats.poses import Poses, read_poses
 from mcpseg_cli.formats.recordings import open_container
 from mcpseg_cli.formats.recordings.stations import open_stations
@@ -25,11 +27,14 @@ from mcpseg_cli.formats.scan_source import (
     pose_of,
 )
 from mcpseg_cli.grid import MAX_VOXEL
-from mcpseg_cli.scan import Scan, to_map_frame
+from mcpseg_cli.scan import Scan
 
 MAX_COORDINATE = 65536.0
 """Metres from the origin at which float32 resolves no finer than 4 mm; farther is refused."""
-_TOO_FAR = "subtract a common offset from scans and poses, or convert millimetres to metres"
+_TOO_FAR = (
+    "subtract a common offset from scans and poses (--offset auto), or convert millimetres to "
+    "metres (--scale 0.001)"
+)
 _ANY_TOPIC = TopicChoice()
 
 
@@ -41,6 +46,7 @@ def open_recording(
     topics: TopicChoice = _ANY_TOPIC,
     max_gap: float = MAX_GAP_S,
     on_error: OnError = "stop",
+    any_distance: bool = False,
 ) -> Recording:
     """Find the scans of a recording and their poses; of clouds nothing but names is read yet.
 
@@ -53,6 +59,7 @@ def open_recording(
         max_gap: Seconds from a scan to the nearest pose, where they pair by time.
         on_error: ``skip``: scans may be without a pose, and poses without a scan; whoever reads
             the scans will skip those.
+        any_distance: Leave it to ``place_recording`` to refuse positions that are too far out.
 
     Returns:
         The scans in natural order, or in order of time where their time stamps pair them.
@@ -71,11 +78,15 @@ def open_recording(
 
     # poses of a file of their own, else the recording's
     if poses_path is not None:
-        paired = pair_with(recording, poses_path, found_frame, max_gap)
+        paired = pair_with(recording, poses_path, found_frame, max_gap, any_distance=any_distance)
         if on_error == "stop":
             _check_whole(poses_path, paired)
         return paired
+    if not recording.has_poses:
+        recording = _with_viewpoints(recording)
     _check_own_poses(recording, on_error)
+    if not any_distance:
+        _check_distance(path, recording.poses)
     return recording
 
 
@@ -108,7 +119,8 @@ def _list_folder(path: Path) -> Recording:
         poses = [file for file in poses if file.is_file()]
         if (path / name).is_dir() and len(poses) == 1:
             frame: Frame = "sensor" if name == "velodyne" else "map"
-            paired = pair_with(_list_folder(path / name), poses[0], frame, MAX_GAP_S)
+            inner = _list_folder(path / name)
+            paired = pair_with(inner, poses[0], frame, MAX_GAP_S, any_distance=True)
             if name == "velodyne":
                 paired = paired.in_frame("sensor")
             note = f"{POSES_NOTE}{poses[0].name}, scans: {name}/"
@@ -124,6 +136,17 @@ def _list_folder(path: Path) -> Recording:
     return Recording(path, f"folder of scans ({', '.join(endings)})", tuple(scans))
 
 
+def _with_viewpoints(recording: Recording) -> Recording:
+    """Give scans of PCD the poses that their headers say."""
+    scans = tuple(
+        source.with_pose(pcd_pose(source.path)) if source.path.suffix.lower() == ".pcd" else source
+        for source in recording
+    )
+    if all(source.pose is None for source in scans):
+        return recording
+    return replace(recording, scans=scans, no_poses=None, columns="VIEWPOINT of each scan")
+
+
 def pair_with(
     recording: Recording,
     poses_path: Path,
@@ -131,6 +154,7 @@ def pair_with(
     max_gap: float,
     *,
     is_growing: bool = False,
+    any_distance: bool = False,
 ) -> Recording:
     """Pair the scans of a recording with the poses of a file.
 
@@ -140,6 +164,7 @@ def pair_with(
         frame: Frame of the scans' coordinates.
         max_gap: Seconds from a scan to the nearest pose, where they pair by time.
         is_growing: More scans and poses are to come.
+        any_distance: Take positions that are too far out, too.
 
     Returns:
         The scans in the order in which they were taken; some perhaps without a pose.
@@ -150,7 +175,11 @@ def pair_with(
         OSError: The pose file cannot be opened.
     """
     poses = read_poses(poses_path, recording.path, is_growing=is_growing)
-    check_poses(poses_path, poses, frame)
+    if frame == "sensor" and not poses.has_rotation:
+        expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
+        raise InputError(poses_path, "positions only", expected, remedy)
+    if not any_distance:
+        _check_distance(poses_path, poses.poses)
     stamps = [source.stamp for source in recording if source.stamp is not None]
     known = np.array(stamps) if len(stamps) == len(recording) else None
     names = [source.name for source in recording]
@@ -179,16 +208,28 @@ def _in_order(recording: Recording, pairing: Pairing, poses: Poses) -> Recording
     )
 
 
-def check_poses(path: Path, poses: Poses, frame: Frame) -> None:
-    """See that scans of a frame can be moved by these poses.
+def place_recording(recording: Recording, intake: Intake, source: Path) -> Recording:
+    """Return the scans of a recording with their poses in the map's frame.
+
+    Args:
+        recording: The scans as they were opened.
+        intake: How coordinates are taken.
+        source: Where the poses are from, for the message.
 
     Raises:
-        InputError: They lack what the frame needs, or lie too far out.
+        InputError: A position is too far out.
     """
-    if frame == "sensor" and not poses.has_rotation:
-        expected, remedy = "qx qy qz qw with --frame sensor", "add them, or use --frame map"
-        raise InputError(path, "positions only", expected, remedy)
-    _check_distance(path, poses.poses)
+    scans = tuple(place_scan(scan, intake) for scan in recording)
+    placed = replace(recording, scans=scans)
+    _check_distance(source, placed.poses)
+    return placed
+
+
+def place_scan(source: ScanSource, intake: Intake) -> ScanSource:
+    """Return a scan with its pose, if it has one, in the map's frame."""
+    if source.pose is None:
+        return source
+    return source.with_pose(intake.place_pose(source.pose))
 
 
 def _check_whole(poses_path: Path, recording: Recording) -> None:
@@ -206,7 +247,8 @@ def _check_whole(poses_path: Path, recording: Recording) -> None:
 
 
 def _check_distance(path: Path, poses: NDArray[np.float64]) -> None:
-    farthest = np.nanmax(np.abs(poses[:, :3, 3]))
+    """Refuse positions that float32 cannot hold well."""
+    farthest = np.nanmax(np.abs(poses[:, :3, 3]), initial=0)
     if farthest >= MAX_COORDINATE:
         found, expected = f"positions up to {farthest:.6g} m", f"less than {MAX_COORDINATE:.6g} m"
         raise InputError(path, found, expected, _TOO_FAR)
@@ -227,41 +269,38 @@ def _check_own_poses(recording: Recording, on_error: OnError) -> None:
         found = f"no pose for {len(missing):,} of {len(recording):,} scans, as {missing[0].name}"
         remedy = "give --on-error skip to leave these out"
         raise InputError(recording.path, found, "a pose for every scan", remedy)
-    _check_distance(
-        recording.path, np.stack([pose_of(one) for one in recording if one.pose is not None])
-    )
 
 
-def read_scan(source: ScanSource, frame: Frame, voxel_size: float) -> tuple[Scan, Cloud]:
+def read_scan(source: ScanSource, frame: Frame | Intake, voxel_size: float) -> tuple[Scan, Cloud]:
     """Read one scan into the map frame.
 
     Args:
-        source: The scan, with its pose.
-        frame: Frame of its coordinates, where its kind does not say.
+        source: The scan, with its pose, which is in the map's frame.
+        frame: Frame of its coordinates, where its kind does not say, or all there is to say about
+            taking them.
         voxel_size: Edge of a voxel, metres; bounds how far from the origin a point may lie.
 
     Returns:
-        The scan, and the cloud it came from with all its attributes.
+        The scan with all points that are measured, and the cloud it came from with all its points
+        and attributes.
 
     Raises:
         InputError: The scan is damaged or without a pose, or its coordinates are too large for the
             map.
     """
     pose = pose_of(source)
-    cloud = source.read()
-    with np.errstate(over="ignore", invalid="ignore"):
-        if (source.frame or frame) == "sensor":
-            xyz_map = to_map_frame(cloud.xyz, pose)
-        else:
-            xyz_map = cloud.xyz.astype(np.float32, copy=False)
-        largest = np.abs(xyz_map).max()
+    intake = frame if isinstance(frame, Intake) else Intake(frame)
+    intake = replace(intake, frame=source.frame or intake.frame)
+    xyz_map, cloud = take_points(source.read(), pose, intake, source.path)
+    largest = np.abs(xyz_map).max()
 
     # what the voxel map and float32 can hold
     limit = min(MAX_COORDINATE, (MAX_VOXEL - 16) * voxel_size)
     if not largest < limit:
         found = f"coordinates up to {largest:.6g} m"
         raise InputError(source.path, found, f"less than {limit:.6g} m from the origin", _TOO_FAR)
-    return Scan(xyz_map, cloud.rgb, pose, source.name), cloud
+    rgb = cloud.measured().colour(intake.colour, source.path)
+    return Scan(xyz_map, rgb, pose, source.name), cloud
 
 
 __all__ = [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_cloud
+from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.scan_source import check_names
@@ -56,8 +56,8 @@ class ScanFile:
         return replace(self, frame=frame)
 
     def read(self) -> Cloud:
-        """Read its points, see ``read_cloud``."""
-        return read_cloud(self.path)
+        """Read its points, see ``read_measured``."""
+        return read_measured(self.path)
 
     def fingerprint(self) -> Fingerprint:
         """Take the fingerprint of its file."""

@@ -126,6 +126,12 @@ class Recording(Sequence[ScanSource]):
         return frames.pop() if len(frames) == 1 else None
 
     @property
+    def poses(self) -> NDArray[np.float64]:
+        """(P, 4, 4) float64 poses of the scans that have one."""
+        known = [source.pose for source in self.scans if source.pose is not None]
+        return np.stack(known) if known else np.empty((0, 4, 4))
+
+    @property
     def num_lost(self) -> int:
         """Count the scans without a pose."""
         return sum(source.pose is None for source in self.scans)

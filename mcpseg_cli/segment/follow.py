@@ -8,6 +8,7 @@ from time import monotonic, perf_counter, sleep
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.growing_folder import GrowingFolder
+from mcpseg_cli.formats.recording import place_scan
 from mcpseg_cli.formats.scan_source import ScanSource
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
@@ -117,18 +118,18 @@ def _label(
     for source in scans:
         if should_stop():
             return
-        started = perf_counter()
+        started, placed = perf_counter(), place_scan(source, run.options.taken)
         try:
-            read = run.read(source)
+            read = run.read(placed)
         except (InputError, OSError) as error:
             if not is_over and source.pose is not None and folder.may_change(source):
                 return
-            report = run.refuse(source, error, started)
+            report = run.refuse(placed, error, started)
         else:
             if not is_over and folder.is_other_now(source):
                 return
             report = run.label(read, started)
         folder.take(source)
         if len(run.records) > run.resumed_from + len(run.pending):
-            run.pending.append(source)
+            run.pending.append(placed)
         yield report

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError, StateError
+from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.incremental.clustering import dequantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
@@ -133,6 +134,11 @@ class LabelledRun:
     def settings(self) -> dict[str, object]:
         """The configuration of the run: ``voxel_size``, ``frame``, all that decided its labels."""
         return self._state.configuration() or {}
+
+    @property
+    def intake(self) -> Intake:
+        """How the recording's coordinates became those of the map."""
+        return Intake.of(self.settings)
 
     @property
     def voxel_size(self) -> float:

@@ -38,10 +38,15 @@ class LabelledMap:
     Args:
         path: The file; made if not there.
         classes: Class names, written into the header.
+        offset: What was subtracted from the recording's coordinates, written into the header
+            unless it is nothing.
     """
 
-    def __init__(self, path: Path, classes: tuple[str, ...]) -> None:
+    def __init__(
+        self, path: Path, classes: tuple[str, ...], offset: tuple[float, ...] = ()
+    ) -> None:
         self._path = path
+        self._offset_words = " ".join(f"{value:.17g}" for value in offset) if any(offset) else ""
         self._classes = classes
         self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self._count = 0
@@ -109,6 +114,7 @@ class LabelledMap:
             "ply",
             "format binary_little_endian 1.0",
             *[f"comment mcpseg classes {','.join(self._classes)}"] * bool(self._classes),
+            *[f"comment mcpseg offset {self._offset_words}"] * bool(self._offset_words),
             f"comment {'.' * (_COUNT_DIGITS - len(digits))}",
             f"element vertex {digits}",
             *_PROPERTIES,

@@ -149,13 +149,14 @@ def _write(
         scan.number, point_ids, scan.first_new, scan.num_voxels - scan.first_new, len(known),
         _NO_MERGES, _NO_MERGES, _NOBODY, _NOBODY, _NOBODY, 0, _NOBODY, floor, ms,
     )  # fmt: skip
-    num_points, num_objects = len(read.cloud), run.segmenter.clusters.num_objects
+    num_points, num_objects = len(read.scan.xyz), run.segmenter.clusters.num_objects
     event = LabelledEvent.of(scan.number, name, num_points, update, num_objects)
     record = ScanRecord(
         name, scan.read, pose_of(scan.source), num_points, scan.num_voxels, floor, None, event,
         path.stat().st_size,
     )  # fmt: skip
-    return record, ScanReport(name, num_points, update, None, sum(ms.values()))
+    total_ms, num_unmeasured = sum(ms.values()), len(read.cloud) - num_points
+    return record, ScanReport(name, num_points, update, None, total_ms, num_unmeasured)
 
 
 def _commit(run: SegmentRun, records: list[ScanRecord]) -> None:

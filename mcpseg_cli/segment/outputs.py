@@ -40,12 +40,19 @@ class Outputs:
         folder: The folder, with ``scans/`` in it; no other process may be writing there.
         classes: Class names, for the header of map.ply.
         scan_format: Ending of the labelled scans, without its dot; None for each scan's own.
+        offset: What was subtracted from the recording's coordinates, for the header of map.ply.
     """
 
-    def __init__(self, folder: Path, classes: tuple[str, ...], scan_format: str | None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        classes: tuple[str, ...],
+        scan_format: str | None,
+        offset: tuple[float, ...] = (),
+    ) -> None:
         self.folder = folder
         self._format = scan_format
-        self._map = LabelledMap(folder / "map.ply", classes)
+        self._map = LabelledMap(folder / "map.ply", classes, offset)
 
     def __enter__(self) -> Outputs:
         return self

@@ -38,10 +38,11 @@ class ScanReport:
 
     Attributes:
         name: Name of the scan.
-        num_points: Points in it.
+        num_points: Points measured in it.
         update: What it changed; None when it was skipped.
         error: Why it was skipped.
         ms: Milliseconds from reading to the last output.
+        num_unmeasured: Its other points: without coordinates, no return, withheld or noise.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ScanReport:
     update: ScanUpdate | None
     error: str | None
     ms: float
+    num_unmeasured: int = 0
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class ReadScan:
     Attributes:
         source: Where it is from.
         file: What its content was.
-        scan: Its points in the map frame.
+        scan: Its measured points in the map frame.
         cloud: All that the file holds.
     """
 
@@ -129,7 +131,8 @@ class SegmentRun:
 
         # the outputs may be behind or ahead after a kill
         classes, scan_format = self.segmenter.classes, self.options.format
-        self.outputs = opened.enter_context(Outputs(self.output, classes, scan_format))
+        outputs = Outputs(self.output, classes, scan_format, self.options.taken.offset)
+        self.outputs = opened.enter_context(outputs)
         self.outputs.reconcile(self.segmenter.rows(), [record.event for record in self.records])
         self._write_lost_scans(recording)
         self.outputs.write_record(RunRecord.of(self.segmenter, self.options))
@@ -178,7 +181,7 @@ class SegmentRun:
         return ReadScan(source, file, *self._read_points(source))
 
     def _read_points(self, source: ScanSource) -> tuple[Scan, Cloud]:
-        return read_scan(source, self.options.frame, self.segmenter.settings.voxel_size)
+        return read_scan(source, self.options.taken, self.segmenter.settings.voxel_size)
 
     def commit_all(self, scans: list[tuple[ScanRecord, MapRows]]) -> None:
         """Commit scans that were labelled together, see ``State.commit_all``."""
@@ -208,7 +211,7 @@ class SegmentRun:
         read_ms = 1e3 * (perf_counter() - started)
         update = self.segmenter.register_scan(read.scan)
         labels = self.segmenter.labels(update.point_ids)
-        name, num_points = read.source.name, len(read.cloud)
+        name, num_points = read.source.name, len(read.scan.xyz)
         num_objects = self.segmenter.clusters.num_objects
         event = LabelledEvent.of(len(self.records), name, num_points, update, num_objects)
 
@@ -232,7 +235,8 @@ class SegmentRun:
         ms |= {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
         self.outputs.append_event(event, ms)
         total_ms = 1e3 * (perf_counter() - started)
-        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms)
+        num_unmeasured = len(read.cloud) - num_points
+        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms, num_unmeasured)
 
     def _changes(self, update: ScanUpdate) -> MapChanges:
         """Collect what a scan changed of what is in the checkpoint."""

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
 
 from mcpseg_cli import __version__
-from mcpseg_cli.choices import Frame, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import ColourUnit, Frame, OnError, Precision, ScanFormat, UpAxis
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.resumable import printable, write_whole
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class RunOptions:
         recording: What was read and how, for the record: a line each.
         topic: The topic of a bag that was chosen.
         pairing: How scans and poses were paired, for the record.
+        intake: How coordinates and colours are taken; None: as they are, in ``frame``.
     """
 
     frame: Frame = "map"
@@ -47,6 +49,12 @@ class RunOptions:
     recording: Sequence[str] = ()
     topic: str | None = None
     pairing: Mapping[str, JsonValue] = field(default_factory=dict)
+    intake: Intake | None = None
+
+    @property
+    def taken(self) -> Intake:
+        """How coordinates and colours are taken."""
+        return self.intake or Intake(self.frame)
 
 
 class RunConfiguration(SegmentSettings):
@@ -62,6 +70,11 @@ class RunConfiguration(SegmentSettings):
         region_growing: Its settings; None for a network.
         offline: Whether all scans were labelled together.
         topic: The topic of a bag that was chosen; None where there was no choice.
+        up: Which of the recording's axes points up.
+        scale: Metres in a unit of the scans.
+        pose_scale: Metres in a unit of the poses; None: as of the scans.
+        offset: What is subtracted from coordinates, in the recording's axes and unit.
+        colour: Unit of the colours, as the first scans say.
     """
 
     model_config = ConfigDict(extra="ignore")
@@ -75,16 +88,27 @@ class RunConfiguration(SegmentSettings):
     region_growing: RegionGrowingSettings | None = None
     offline: bool = False
     topic: str | None = None
+    up: UpAxis = "z"
+    scale: float = 1.0
+    pose_scale: float | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    colour: ColourUnit | None = None
 
     @classmethod
     def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
         """Collect it."""
         facts = segmenter.settings.model_dump()
         facts |= {"frame": options.frame, "format": options.format}
+        facts |= options.taken.as_settings()
         facts |= {"precision": segmenter.precision, "device": segmenter.device}
         facts |= segmenter.method.configuration()
         facts |= {"topic": options.topic} if options.topic else {}
         return cls.model_validate(facts | ({"offline": True} if options.offline else {}))
+
+    @property
+    def intake(self) -> Intake:
+        """How coordinates and colours were taken."""
+        return Intake.of(self.model_dump())
 
     def as_json(self) -> dict[str, JsonValue]:
         """Give what was set, ready for JSON; what a network has no use for is left out."""

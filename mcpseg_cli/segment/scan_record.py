@@ -26,7 +26,7 @@ class ScanRecord:
         name: Name of the scan.
         file: What its content was.
         pose: (4, 4) float64, sensor to map; NaN for a scan skipped for want of one.
-        num_points: Points in the file; 0 for a skipped scan.
+        num_points: Points measured in the file; 0 for a skipped scan.
         num_voxels: Voxels in the map after it.
         floor: Floor height after it, metres, map frame.
         error: Why it was skipped, or None.

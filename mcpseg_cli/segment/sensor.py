@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.formats.recording import ScanSource, read_scan
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
@@ -50,12 +51,14 @@ def guess_range(scans: Iterable[Scan]) -> tuple[float, str]:
     return _IN_ROOMS, "a scanner that sees all around, in rooms"
 
 
-def first_scans(recording: Sequence[ScanSource], frame: Frame, voxel_size: float) -> Iterator[Scan]:
+def first_scans(
+    recording: Sequence[ScanSource], frame: Frame | Intake, voxel_size: float
+) -> Iterator[Scan]:
     """Read the first scans, one in memory at a time; what cannot be read is passed over.
 
     Args:
         recording: The scans in order; no more than the first few are touched.
-        frame: Frame of the files' coordinates.
+        frame: Frame of the files' coordinates, or all there is to say about taking them.
         voxel_size: Edge of a voxel, metres.
     """
     for source in recording[:NUM_SCANS]:
@@ -75,12 +78,30 @@ def kept_range(output: Path) -> float | None:
     Raises:
         StateError: The checkpoint there is in use or damaged.
     """
+    configuration = kept_configuration(output)
+    return None if configuration is None else range_in(configuration)
+
+
+def range_in(configuration: Mapping[str, object]) -> float | None:
+    """Return the range of a run by its configuration; None where it has none."""
+    value = configuration.get("local_range")
+    return float(value) if isinstance(value, int | float) else None
+
+
+def kept_configuration(output: Path) -> Mapping[str, object] | None:
+    """Return what a run was begun with; None where there is no run.
+
+    Args:
+        output: Folder of the run.
+
+    Raises:
+        StateError: The checkpoint there is in use or damaged.
+    """
     path = output / "state.sqlite"
     if not path.is_file() or not path.stat().st_size:
         return None
     with State(path) as state:
-        value = (state.configuration() or {}).get("local_range")
-    return float(value) if isinstance(value, int | float) else None
+        return state.configuration()
 
 
 def _elevations(xyz: NDArray[np.float32]) -> float:

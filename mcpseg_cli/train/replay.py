@@ -94,6 +94,8 @@ class Replay:
         for number, source in enumerate(self.scans):
             scan, cloud = read_scan(source, "map", self.settings.voxel_size)
             semantic, instance = self._read_truth(source, cloud)
+            if cloud.valid is not None:
+                semantic, instance = semantic[cloud.valid], instance[cloud.valid]
             yield self._insert(number, scan, semantic, instance)
 
     def _read_truth(

@@ -128,10 +128,9 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
         lambda c: c.ply(BINARY, "element vertex 99999999999999999999", *XYZ),
         "0 found",
     ),
-    "PLY with NaN": (lambda c: c.columns(x=nan_at(800, np.nan)), "1 of 800 points have NaN"),
-    "PLY with infinity": (
-        lambda c: c.columns(z=nan_at(800, -np.inf)),
-        "1 of 800 points have NaN or infinite",
+    "PLY of NaN": (
+        lambda c: c.columns(x=np.full(800, np.nan, np.float32)),
+        "none of 800 points is measured: 800 have NaN or infinite",
     ),
     "PLY with zero points": (lambda c: c.ply(BINARY, "element vertex 0", *XYZ), "zero points"),
     "PLY without vertices": (
@@ -197,7 +196,7 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
         lambda c: c.npz(xyz=np.array([{}, None, "a"], object)),
         "does not load",
     ),
-    "NPZ without xyz": (lambda c: c.npz(points=np.zeros((9, 3))), "arrays points"),
+    "NPZ without xyz": (lambda c: c.npz(stuff=np.zeros((9, 3))), "arrays stuff (9, 3)"),
     "NPZ with xyz of a wrong shape": (
         lambda c: c.npz(xyz=np.zeros((3, 9))),
         "xyz is float64 (3, 9)",
@@ -208,7 +207,7 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
         "rgb has shape (8, 3)",
     ),
     "NPZ with zero points": (lambda c: c.npz(xyz=np.zeros((0, 3))), "zero points"),
-    "NPZ with NaN": (lambda c: c.npz(xyz=np.full((9, 3), np.nan)), "9 of 9 points have NaN"),
+    "NPZ with NaN": (lambda c: c.npz(xyz=np.full((9, 3), np.nan)), "9 have NaN"),
     "cut NPZ": (lambda c: c.cut(".npz", 0.6), "does not load"),
     "NPY called NPZ": (
         lambda c: np.save(c.scan(".npz").open("wb"), np.zeros((9, 3))),
@@ -226,7 +225,7 @@ BAD_SCANS: dict[str, tuple[Callable[[Case], object], str]] = {
     ),
     "LAS with scales of NaN": (
         lambda c: spoil(c.scan(".las"), 131, struct.pack("<d", np.nan)),
-        "800 of 800 points have NaN",
+        "800 have NaN",
     ),
     "LAS with scales of infinity": (
         lambda c: spoil(c.scan(".las"), 131, struct.pack("<d", 1e308)),
@@ -503,12 +502,13 @@ def test_a_skipped_scan_stays_skipped_when_the_command_is_repeated(case: Case) -
     assert outputs(case.output) == before
 
 
-def test_a_recording_of_bad_scans_only_gives_an_empty_map(case: Case) -> None:
+def test_a_recording_of_bad_scans_only_gives_an_empty_map_and_fails(case: Case) -> None:
     for path in case.scans.iterdir():
         path.write_bytes(b"ply")
-    code, stdout, _ = run(case, "--on-error", "skip", "--json")
+    code, stdout, stderr = run(case, "--on-error", "skip", "--json")
     document = json.loads(stdout)
-    assert (code, len(document["skipped"]), document["voxels"]) == (0, 4, 0)
+    assert "all 4 scans were skipped, the first for:" in stderr.splitlines()[-1]
+    assert (code, len(document["skipped"]), document["voxels"]) == (1, 4, 0)
 
 
 def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden(
@@ -516,7 +516,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
 ):
     said = "cannot cache function 'f': no locator available for file 'f.py'"
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise RuntimeError(said)
 
     monkeypatch.setattr("mcpseg_cli.formats.recording.open_recording", refuse)

@@ -263,8 +263,9 @@ def test_poses_far_from_their_points_are_pointed_out(recording, tmp_path, weight
     far = [re.sub(r"^(\d+),([\d.]+),", r"\1,\2,1", line) for line in lines[1:]]
     recording[1].write_text("\n".join([lines[0], *far]) + "\n")
     result = segment(recording, tmp_path / "out", "-w", weights_path)
-    assert result.exit_code == 0
+    assert result.exit_code == 1
     assert "only 0 of 3,200 points lie within --range 2 of their pose" in result.stderr
+    assert "nothing was labelled" in result.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(

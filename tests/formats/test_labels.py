@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import Cloud
-from mcpseg_cli.formats.labels import point_labels
+from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
+from mcpseg_cli.formats.labels import LabelFields, point_labels
 
 SOURCE = Path("a.ply")
 TABLE = ("floor", "wall")
@@ -59,3 +59,47 @@ def test_points_without_labels_are_refused(name):
     del bare.columns[name]
     with pytest.raises(InputError, match=f"points without {name}"):
         point_labels(bare, SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("semantic", "instance"),
+    [
+        ("label", "object_id"),
+        ("scalar_Label", "scalar_Instance"),
+        ("class", "inst"),
+        ("sem", "objectId"),
+        ("Semantic_Label", "instance label"),
+        ("classification", "obj"),
+    ],
+)
+def test_labels_are_found_under_usual_names(semantic, instance):
+    columns = {axis: np.zeros(2, np.float32) for axis in "xyz"}
+    columns |= {semantic: np.array([1.0, 0.0]), instance: np.array([5, 6])}
+    found = point_labels(Cloud(columns), SOURCE)
+    assert (found[0].tolist(), found[1].tolist()) == ([1, 0], [5, 6])
+
+
+def test_labels_are_those_of_the_fields_named():
+    labelled = cloud([0, 0], [1, 1])
+    labelled.columns["mine"] = np.array([3, 4])
+    fields = LabelFields("mine", "mine")
+    semantic, instance = point_labels(labelled, SOURCE, fields=fields)
+    assert (semantic.tolist(), instance.tolist()) == ([3, 4], [3, 4])
+
+
+def test_fields_that_are_not_there_are_refused_with_those_that_are():
+    with pytest.raises(InputError, match="no attribute lable among x, y, z, semantic, instance"):
+        point_labels(cloud([0], [1]), SOURCE, fields=LabelFields("lable"))
+
+
+def test_classifications_of_the_las_standard_are_no_classes(tmp_path):
+    columns = {axis: np.zeros(2) for axis in "xyz"} | {"instance": np.ones(2, np.int32)}
+    write_cloud(tmp_path / "a.las", Cloud(columns))
+    las = read_cloud(tmp_path / "a.las")
+    las.columns["classification"] = np.array([2, 6], np.uint8)
+    with pytest.raises(InputError, match="classification 6, of the LAS standard"):
+        point_labels(las, SOURCE)
+    given = point_labels(las, SOURCE, fields=LabelFields("classification"))
+    assert given[0].tolist() == [2, 6]
+    las.columns["classification"] = np.array([64, 66], np.uint8)
+    assert point_labels(las, SOURCE)[0].tolist() == [0, 2]

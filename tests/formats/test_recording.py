@@ -185,7 +185,7 @@ def test_a_pose_that_carries_a_scan_too_far_is_refused(tmp_path: Path) -> None:
     pose = np.eye(4)
     pose[0, 3] = 1e300
     with pytest.raises(InputError, match="coordinates up to"):
-        read_one(tmp_path / "a.ply", np.zeros((3, 3)), "sensor", pose)
+        read_one(tmp_path / "a.ply", np.ones((3, 3)), "sensor", pose)
 
 
 def test_positions_alone_are_refused_for_scans_in_the_sensors_frame(tmp_path: Path) -> None:
