@@ -151,16 +151,19 @@ def _find_frame(
         frame: Frame = "map" if found.best == "as they are" else "sensor"
         return found, frame, _units_in_map(clouds, poses) if frame == "map" else 1.0
 
-    # poses in another unit than the scans
+    # poses in another unit than the scans; not where scans look alike from everywhere
+    in_map = _units_in_map(clouds, poses) if asked == "map" else 1.0
+    if found.shares["by the poses"] > _COINCIDE:
+        return found, None, in_map
     for units in _OTHER_UNITS:
         scaled = compare_scans(clouds, [_moved(pose, units) for pose in poses])
         if scaled.best is None or scaled.shares[scaled.best] <= _COINCIDE:
             continue
         if scaled.best == "by the poses":
             return scaled, "sensor", units
-        if scaled.best == "as they are":
-            return scaled, "map", _units_in_map(clouds, poses)
-    return found, None, _units_in_map(clouds, poses) if asked == "map" else 1.0
+        if scaled.best == "as they are" and asked == "map":
+            return scaled, "map", in_map
+    return found, None, in_map
 
 
 def _units_in_map(clouds: list[NDArray[np.floating]], poses: list[NDArray[np.float64]]) -> float:

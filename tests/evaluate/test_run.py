@@ -169,7 +169,7 @@ def test_the_truth_is_read_once_where_only_it_may_name_the_classes(tmp_path, mon
     write_cloud(output, Cloud(cloud.columns))
     reads = []
     monkeypatch.setattr(
-        truth_module, "read_cloud", lambda path: reads.append(path) or read_cloud(path)
+        truth_module, "read_measured", lambda path: reads.append(path) or read_cloud(path)
     )
     scores = evaluate_run(output, truth)
     assert reads == [truth / "0.ply"]

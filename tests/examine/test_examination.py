@@ -1,5 +1,7 @@
 """What recordings are: frame, unit, upwards and place, as their scans and poses show it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,6 +109,25 @@ def test_nothing_is_found_against_a_corridor_that_looks_the_same_everywhere(tmp_
     found = look(*write_recording(tmp_path, 6, colour=colour))
     assert objections(found, Intake(), ()) == ([], [])
     assert doubts(found, Intake()) is None
+
+
+@pytest.mark.parametrize("asked", ["map", "sensor"])
+def test_nothing_is_found_against_a_robot_that_stands_still(asked):
+    recording = open_recording(WALK / "scans", WALK / "poses.csv")
+    rng = np.random.default_rng(0)
+    first = recording[0]
+    (glance,) = glance_at(recording, [0])
+    glances, poses = [], []
+    for _ in range(5):
+        pose = np.eye(4)
+        pose[:3, 3] = first.pose[:3, 3] + rng.normal(0, 0.001, 3)
+        xyz = glance.xyz + rng.normal(0, 0.003, glance.xyz.shape)
+        xyz = xyz - pose[:3, 3] if asked == "sensor" else xyz
+        glances.append(replace(glance, xyz=xyz, pose=pose))
+        poses.append(pose)
+    found = examine(glances, np.stack(poses), asked)
+    assert objections(found, Intake(asked), ()) == ([], [])
+    assert doubts(found, Intake(asked)) is None
 
 
 @pytest.mark.parametrize("name", ["hololens_walk", "laser_sensor_frame"])
