@@ -7,7 +7,7 @@ import os
 import signal
 from collections.abc import Sequence
 from pathlib import Path
-from time import monotonic
+from time import monotonic, perf_counter, time_ns
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ _UNCOUNTED_QUIET_S = 1.0  # the same of formats that do not say how many points 
 _COUNTED = (".ply", ".las", ".laz", ".npz", ".pcd", ".e57")
 _GIVEN_UP_S = 5.0  # what cannot be read after so long stays so
 _OVERTAKEN_S = 10.0  # a pose whose successors have been there for so long does not come
+_REST = 3.0  # times as long as pairing took, it is not done again: it takes longer and longer
+_SETTLED_NS = 100_000_000  # after which a folder's time shows every change since
 
 _Status = tuple[int, int]  # bytes, time of the last change
 
@@ -66,6 +68,10 @@ class GrowingFolder:
         self._seen: dict[Path, tuple[_Status, float]] = {}
         self._pose_status: frozenset[tuple[str, _Status]] = frozenset()
         self._overtaken: dict[str, float] = {}
+        self._taken: set[Path] = set()
+        self._paths: list[Path] = []
+        self._listed: _Status | None = None
+        self._is_stale, self._next_pairing = False, 0.0
 
     @property
     def num_waiting(self) -> int:
@@ -84,7 +90,8 @@ class GrowingFolder:
                 the scans from being paired.
             OSError: A file cannot be read.
         """
-        if self._has_changed() or is_over:
+        self._is_stale |= self._has_changed()
+        if is_over or (self._is_stale and monotonic() >= self._next_pairing):
             self._pair(is_over=is_over)
         if is_over and self.problem is not None:
             raise self.problem
@@ -102,6 +109,7 @@ class GrowingFolder:
     def take(self, source: ScanSource) -> None:
         """Note that a scan was taken."""
         self.given.append(source)
+        self._taken.add(source.path)
         self.changed = monotonic()
 
     def may_change(self, source: ScanSource) -> bool:
@@ -116,16 +124,27 @@ class GrowingFolder:
         except FileNotFoundError:
             return True
 
+    def _list(self) -> list[Path]:
+        """List the scans, unless the folder is as it was, and was so for a moment before."""
+        try:
+            status = _status(self.directory)
+        except FileNotFoundError:
+            status = None
+        if status is None or status != self._listed:
+            self._paths = list_clouds(self.directory)
+            is_settled = status is not None and time_ns() - status[1] > _SETTLED_NS
+            self._listed = status if is_settled else None
+        return self._paths
+
     def _has_changed(self) -> bool:
         """Look at all files that were not taken yet; tell whether any is new or another."""
         now, has_changed = monotonic(), False
-        taken = {source.path for source in self.given}
         try:
-            paths = list_clouds(self.directory)
+            paths = self._list()
         except InputError as error:
             self.problem, paths = error, []
         for path in paths:
-            if path in taken and path in self._seen:
+            if path in self._taken:
                 continue
             try:
                 status = _status(path)
@@ -145,8 +164,14 @@ class GrowingFolder:
 
     def _pair(self, *, is_over: bool) -> None:
         """Pair what is there; what is wrong may come right while the recording grows."""
+        started = perf_counter()
+        self._pair_now(is_over=is_over)
+        self._is_stale = False
+        self._next_pairing = monotonic() + _REST * (perf_counter() - started)
+
+    def _pair_now(self, *, is_over: bool) -> None:
         try:
-            paths = list_clouds(self.directory)
+            paths = list_clouds(self.directory) if is_over else self._list()
             scans = tuple(ScanFile(path, None, self.directory) for path in paths)
             paired = pair_with(
                 Recording(self.directory, "growing folder of scans", scans),

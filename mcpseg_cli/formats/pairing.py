@@ -69,8 +69,9 @@ def pair(
         InputError: Nothing says which pose belongs to which scan, or what does contradicts itself.
     """
     named = match_names(scans, poses.scans) if poses.scans is not None else None
-    poses, is_by_names = _timed_by_names(poses)
-    if named is not None and not (is_by_names and (named[0] < 0).any()):
+    is_whole = named is not None and bool((named[0] >= 0).all())
+    poses, is_by_names = (poses, False) if is_whole else _timed_by_names(poses)
+    if named is not None and not is_by_names:
         return _by_rows(scans, poses, *named)
     numbered = _numbered(scans, poses)
     if numbered is not None:

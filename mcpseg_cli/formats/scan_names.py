@@ -31,7 +31,8 @@ def match_names(scans: Sequence[str], rows: Sequence[str]) -> tuple[NDArray[np.i
     """
     found = np.full(len(scans), -1, np.intp)
     for left, right in ((_as_is, _as_is), (_stem, _as_is), (_base, _base), (bare_name, bare_name)):
-        _match_more(found, [left(scan) for scan in scans], [right(row) for row in rows])
+        if (found < 0).any():
+            _match_more(found, [left(scan) for scan in scans], [right(row) for row in rows])
     if (found >= 0).any():
         return found, "by name"
     for key, told in ((_without_zeros, "by name, but for zeros"), (_decimal, "by number in names")):

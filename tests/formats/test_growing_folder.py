@@ -104,6 +104,7 @@ def test_a_scan_waits_for_its_pose_and_for_the_end_of_its_line(folder, later) ->
     add_pose(folder, "0,1,2,3", end="")
     assert names(folder) == []
     add_pose(folder, "4")
+    later(1.0)
     assert names(folder) == ["0.ply"]
     np.testing.assert_array_equal(folder.look()[0].pose[:3, 3], [1, 2, 34])
 
@@ -116,7 +117,7 @@ def test_later_scans_wait_for_earlier_ones(folder, later) -> None:
     later(0.2)
     add_scan(folder, "0.ply", 20)
     assert names(folder) == []
-    later(0.2)
+    later(1.0)
     assert names(folder) == ["0.ply", "1.ply"]
 
 
@@ -143,6 +144,7 @@ def test_a_pose_that_changes_after_its_scan_was_taken_is_refused(folder, later) 
     names_after(folder, later)
     folder.take(folder.look()[0])
     folder.poses_path.write_text(HEADER + "0,1,2,4\n")
+    later(1.0)
     with pytest.raises(InputError, match=r"the pose of 0\.ply has changed"):
         folder.look()
 
@@ -154,9 +156,11 @@ def test_a_pose_file_that_is_written_anew_is_waited_for(folder, later) -> None:
     names_after(folder, later)
     folder.take(folder.look()[0])
     folder.poses_path.write_text(HEADER + "1,1,2,3\n")
+    later(1.0)
     assert names(folder) == []
     assert "no pose for 0.ply, which is labelled" in str(folder.problem)
     add_pose(folder, "0,1,2,3")
+    later(1.0)
     assert names(folder) == ["1.ply"]
 
 
@@ -166,6 +170,7 @@ def test_a_scan_that_comes_before_taken_ones_is_refused(folder, later) -> None:
     names_after(folder, later)
     folder.take(folder.look()[0])
     add_scan(folder, "0.ply")
+    later(1.0)
     with pytest.raises(InputError, match=r"1\.ply is gone, or others have come before it"):
         folder.look()
 
@@ -210,6 +215,7 @@ def test_poses_in_a_folder_are_watched_too(tmp_path, later) -> None:
     (tmp_path / "poses/0.txt").write_text("1 0 0 5\n0 1 0")
     assert names_after(folder, later) == []
     (tmp_path / "poses/0.txt").write_text("1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n")
+    later(1.0)
     assert names(folder) == ["0.ply"]
 
 
