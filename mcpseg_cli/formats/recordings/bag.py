@@ -8,7 +8,7 @@ from typing import cast
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings import ros_messages as ros
-from mcpseg_cli.formats.recordings.bag_files import BagFiles, RawMessage, Topic
+from mcpseg_cli.formats.recordings.bag_files import BagFiles, RawMessage, Topic, told_of_fields
 from mcpseg_cli.formats.recordings.bag_poses import PoseTopics, Route, is_pose_topic
 from mcpseg_cli.formats.recordings.bag_scans import BagScan, Colours, DepthReader
 from mcpseg_cli.formats.scan_source import Recording, TopicChoice
@@ -38,14 +38,15 @@ def open_bag(path: Path, files: Sequence[Path], topics: TopicChoice) -> Recordin
     # one look at everything
     stamped: list[tuple[int, str, RawMessage]] = []
     for raw in bag.messages([topic.name, *poses.topics, *_others(reader, colours)]):
-        if raw.topic == topic.name:
-            header = cast(ros.PointCloud2, bag.decode(raw)).header
-            stamped.append((ros.time_ns(header.stamp) or raw.time_ns, header.frame_id, raw))
-        elif raw.topic in poses.topics:
-            poses.add(raw)
-        for other in (reader, colours):
-            if other is not None:
-                other.add(raw)
+        with told_of_fields(path, bag.topics[raw.topic]):
+            if raw.topic == topic.name:
+                header = cast(ros.PointCloud2, bag.decode(raw)).header
+                stamped.append((ros.time_ns(header.stamp) or raw.time_ns, header.frame_id, raw))
+            elif raw.topic in poses.topics:
+                poses.add(raw)
+            for other in (reader, colours):
+                if other is not None:
+                    other.add(raw)
     stamped.sort(key=lambda one: one[0])
 
     # who is where

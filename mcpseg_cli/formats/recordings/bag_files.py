@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
@@ -89,3 +90,16 @@ def undecoded(path: Path, topic: Topic, error: BaseException) -> InputError:
     said = " ".join(str(error).split())[:60] or type(error).__name__
     found = f"a message on {topic.name} that is no {topic.type} ({said})"
     return InputError(path, found, "messages as their types say", "record it again")
+
+
+@contextmanager
+def told_of_fields(path: Path, topic: Topic) -> Iterator[None]:
+    """Say in one line that a message lacks a field: a bag may define a usual type in its own way.
+
+    Raises:
+        InputError: The block asked for a field that is not there.
+    """
+    try:
+        yield
+    except AttributeError as error:
+        raise undecoded(path, topic, error) from error

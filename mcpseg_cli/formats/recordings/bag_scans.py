@@ -14,7 +14,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.recordings import ros_messages as ros
-from mcpseg_cli.formats.recordings.bag_files import BagFiles, Place, RawMessage
+from mcpseg_cli.formats.recordings.bag_files import BagFiles, Place, RawMessage, told_of_fields
 from mcpseg_cli.formats.rigid import NEAREST_NS
 
 
@@ -171,11 +171,12 @@ class BagScan:
     def read(self) -> Cloud:
         """Read its points; those without coordinates or depth are dropped."""
         depth, colour = self._messages()
-        if self._reader is not None and self._colours is not None:
-            cloud = self._reader.cloud(depth, self._colours.image(colour))
-        else:
-            message = cast(ros.PointCloud2, self._bag.decode(depth))
-            cloud = ros.points_of(self.path, message, drops_zeros=self.frame == "sensor")
+        with told_of_fields(self.path, self._bag.topics[depth.topic]):
+            if self._reader is not None and self._colours is not None:
+                cloud = self._reader.cloud(depth, self._colours.image(colour))
+            else:
+                message = cast(ros.PointCloud2, self._bag.decode(depth))
+                cloud = ros.points_of(self.path, message, drops_zeros=self.frame == "sensor")
         return checked(self.path, cloud)
 
     def fingerprint(self) -> Fingerprint:

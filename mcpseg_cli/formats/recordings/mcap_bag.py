@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -26,6 +27,7 @@ from rosbags.typesys import (
     get_typestore,
 )
 from rosbags.typesys.store import Typestore
+from zstandard import ZstdError
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings.bag_files import (
@@ -39,6 +41,10 @@ from mcpseg_cli.formats.recordings.bag_files import (
 
 _MAGIC = b"\x89MCAP0\r\n"
 _DATA = {int(Opcode.SCHEMA), int(Opcode.CHANNEL), int(Opcode.MESSAGE), int(Opcode.CHUNK)}
+_DAMAGE = (
+    McapError, CRCValidationError, ZstdError, struct.error, RuntimeError, ValueError, OverflowError,
+    MemoryError,
+)  # fmt: skip
 _END = {int(Opcode.DATA_END), int(Opcode.FOOTER)}
 _TF = "geometry_msgs/TransformStamped[] transforms\n"  # which ROS 1 has in a package of its own
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.LATEST}
@@ -111,7 +117,7 @@ class McapBag:
         if self._chunk is None or self._chunk[0] != (number, offset):
             with self._paths[number].open("rb") as file:
                 file.seek(offset)
-                record = _next_record(file, self._paths[number].stat().st_size)
+                record = _next_record(self._paths[number], file)
             self._chunk = ((number, offset), _parts(self._paths[number], record))
         message = self._chunk[1][nth]
         if not isinstance(message, Message):
@@ -146,7 +152,6 @@ class McapBag:
 
     def _records(self, path: Path) -> Iterator[tuple[int, McapRecord]]:
         """Iterate over the records of a file's data and where they begin, as far as it is whole."""
-        size = path.stat().st_size
         with path.open("rb") as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise InputError(
@@ -155,7 +160,7 @@ class McapBag:
             while True:
                 offset = file.tell()
                 try:
-                    record = _next_record(file, size)
+                    record = _next_record(path, file)
                 except EOFError:
                     self.notes = (f"{path.name} is cut short or still being written",)
                     return
@@ -190,7 +195,7 @@ def _summary(path: Path) -> Summary | None:
     with path.open("rb") as file:
         try:
             summary = make_reader(file).get_summary()
-        except (McapError, struct.error, ValueError, KeyError):
+        except (*_DAMAGE, KeyError):
             return None  # cut short, or no MCAP, which a look at all of it tells
     if summary is None or summary.statistics is None:
         return None
@@ -213,12 +218,14 @@ def _types_of(path: Path, schema: Schema) -> Typesdict:
     return {}
 
 
-def _next_record(file: BinaryIO, size: int) -> McapRecord | None:
+def _next_record(path: Path, file: BinaryIO) -> McapRecord | None:
     """Read the next record that holds data; None at the end of these.
 
     Raises:
         EOFError: The file ends before.
+        InputError: The record is damaged.
     """
+    size = os.fstat(file.fileno()).st_size
     while True:
         head = file.read(9)
         length = int.from_bytes(head[1:], "little")
@@ -229,17 +236,25 @@ def _next_record(file: BinaryIO, size: int) -> McapRecord | None:
         if head[0] not in _DATA:
             file.seek(length, 1)
             continue
-        stream = ReadDataStream(BytesIO(file.read(length)))
-        record: McapRecord
-        if head[0] == Opcode.CHUNK:
-            record = Chunk.read(stream)
-        elif head[0] == Opcode.SCHEMA:
-            record = Schema.read(stream)
-        elif head[0] == Opcode.CHANNEL:
-            record = Channel.read(stream)
-        else:
-            record = Message.read(stream, length)
-        return record
+        try:
+            return _record(head[0], file.read(length))
+        except _DAMAGE as error:
+            raise _refusal(path, "record", error) from error
+
+
+def _record(opcode: int, data: bytes) -> McapRecord:
+    """Make a record of its bytes."""
+    stream = ReadDataStream(BytesIO(data))
+    record: McapRecord
+    if opcode == Opcode.CHUNK:
+        record = Chunk.read(stream)
+    elif opcode == Opcode.SCHEMA:
+        record = Schema.read(stream)
+    elif opcode == Opcode.CHANNEL:
+        record = Channel.read(stream)
+    else:
+        record = Message.read(stream, len(data))
+    return record
 
 
 def _parts(path: Path, record: McapRecord | None) -> list[McapRecord]:
@@ -250,6 +265,12 @@ def _parts(path: Path, record: McapRecord | None) -> list[McapRecord]:
         return [record]
     try:
         return breakup_chunk(record, validate_crc=True)
-    except (McapError, CRCValidationError, RuntimeError, ValueError) as error:
-        found = f"a damaged chunk ({' '.join(str(error).split())[:80]})"
-        raise InputError(path, found, "a whole MCAP file", "copy it again") from error
+    except _DAMAGE as error:
+        raise _refusal(path, "chunk", error) from error
+
+
+def _refusal(path: Path, what: str, error: BaseException) -> InputError:
+    """Say in one line that a part of a file is damaged."""
+    said = " ".join(str(error).split())[:80] or type(error).__name__
+    found = f"a damaged {what} ({said})"
+    return InputError(path, found, "a whole MCAP file", "copy it again")

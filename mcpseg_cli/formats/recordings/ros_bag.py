@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from itertools import islice
 from pathlib import Path
+from struct import error as StructError
 from weakref import finalize
 
+import apsw
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.rosbag1 import ReaderError as Reader1Error
 from rosbags.rosbag2 import ReaderError as Reader2Error
@@ -19,7 +20,8 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
 
 _DAMAGE = (
-    AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, sqlite3.Error,
+    AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, apsw.Error,
+    OverflowError, MemoryError, RuntimeError, StructError,
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -110,22 +111,30 @@ def _table(path: Path, message: PointCloud2) -> NDArray[np.void]:
     """Lay the fields over the bytes; (N,) records in the byte order of this machine."""
     order = ">" if message.is_bigendian else "<"
     fields = [field for field in message.fields if field.datatype in _TYPES]
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in fields],
-            "formats": [
-                (order + _TYPES[field.datatype], (field.count,))
-                if field.count > 1
-                else order + _TYPES[field.datatype]
-                for field in fields
-            ],
-            "offsets": [field.offset for field in fields],
-            "itemsize": message.point_step,
-        }
-    )
+    try:
+        dtype = _point_type(fields, order, message.point_step)
+    except (ValueError, TypeError, OverflowError) as error:
+        found = f"fields that do not fit points of {message.point_step} bytes"
+        raise InputError(path, found, "a sound PointCloud2", "record it again") from error
     rows = _rows(path, message, message.row_step, message.width * message.point_step)
     table = rows.reshape(-1).view(dtype)
     return table if order == "<" else table.astype(table.dtype.newbyteorder("<"))
+
+
+def _point_type(fields: Sequence[Field], order: str, size: int) -> np.dtype[np.void]:
+    """Lay fields out over a point."""
+    kinds = [order + _TYPES[field.datatype] for field in fields]
+    return np.dtype(
+        {
+            "names": [field.name for field in fields],
+            "formats": [
+                (kind, (field.count,)) if field.count > 1 else kind
+                for kind, field in zip(kinds, fields, strict=True)
+            ],
+            "offsets": [field.offset for field in fields],
+            "itemsize": size,
+        }
+    )
 
 
 def _rows(path: Path, message: PointCloud2 | Image, step: int, used: int) -> NDArray[np.uint8]:
