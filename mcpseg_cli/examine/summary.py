@@ -98,17 +98,28 @@ class Summary:
 
     def rows(self) -> list[tuple[str, str]]:
         """Give a name and a line for everything worth knowing."""
-        found, counts = self.found, self._counts()
+        named = [str(path) for path in (self.recording, self.poses_path) if path is not None]
+        command = " ".join(["mcpseg segment", *named, *self.options])
+        distance, reason = self.local_range
+        last = [("range", f"{distance:g} m: {reason}"), ("command", command)]
+        return [*self._rows_of_scans(), *self._rows_of_places(), *last]
+
+    def _rows_of_scans(self) -> list[tuple[str, str]]:
+        """Say what the scans hold."""
+        counts = self._counts()
         endings = ", ".join(f"{count:,} {name}" for name, count in self._endings())
         rows = [("recording", f"{self.num_scans:,} scans ({endings} looked at)")]
         rows.append(("points", f"{counts['points'] // len(self.glances):,} a scan"))
         if left_out := self._left_out(counts):
             rows.append(("left out", left_out))
         rows.append(("attributes", ", ".join(self.glances[0].columns)))
-        rows.append(("colour", describe_colour(self.glances, found.colour)))
+        rows.append(("colour", describe_colour(self.glances, self.found.colour)))
+        return rows
 
-        # where scans and poses are
-        rows.append(("poses", self.pairing))
+    def _rows_of_places(self) -> list[tuple[str, str]]:
+        """Say where scans and poses are."""
+        found = self.found
+        rows = [("poses", self.pairing)]
         if len(self.poses):
             rows.append(("path", f"{self._path():.1f} m, {self._step():.2f} m from scan to scan"))
         rows.append(("frame", self._about_frame()))
@@ -121,15 +132,10 @@ class Summary:
         if any(found.offset):
             place = ", ".join(f"{value:.15g}" for value in found.offset)
             rows.append(("offset", f"{place}: too far out for float32"))
-
-        # what is seen, and what segment would do
         if found.room.below is not None:
             rows.append(("floor", f"{found.room.below:.2f} m below the sensor"))
         if found.room.height is not None:
             rows.append(("room height", f"{found.room.height:.2f} m"))
-        rows.append(("range", f"{self.local_range[0]:g} m: {self.local_range[1]}"))
-        named = [str(path) for path in (self.recording, self.poses_path) if path is not None]
-        rows.append(("command", " ".join(["mcpseg segment", *named, *self.options])))
         return rows
 
     def _counts(self) -> dict[str, int]:
