@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,14 +114,25 @@ def parse_event(text: str) -> Event:
         raise ValueError(f"no event: {text[:80]}") from error
 
 
-def append_event(path: Path, event: Event, ms: Mapping[str, float] | None) -> None:
+def append_event(
+    path: Path, event: Event, ms: Mapping[str, float] | None, *, is_durable: bool = False
+) -> None:
     """Append an event to events.jsonl, with the times that are known only after the commit.
+
+    Args:
+        path: The file.
+        event: What happened.
+        ms: Milliseconds by stage, where they are known.
+        is_durable: Wait until it is on the disk.
 
     Raises:
         OSError: The disk is full.
     """
     with naming(path), path.open("a") as file:
         file.write(f"{event_text(event, ms)}\n")
+        if is_durable:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def reconcile_events(path: Path, events: Sequence[Event]) -> None:

@@ -19,12 +19,13 @@ from mcpseg_cli.resumable import check_same
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import LabelledEvent
-from mcpseg_cli.segment.folder import prepare_folder
+from mcpseg_cli.segment.folder import held_folder
 from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
-from mcpseg_cli.segment.outputs import Outputs
+from mcpseg_cli.segment.outputs import OBJECTS, Outputs
 from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord, check_consumed, skipped_scan
+from mcpseg_cli.segment.settled_file import read_settled
 
 _DECISIVE = ("method", "offline", "weights")  # other differences follow from these
 _REMEDY = "go back to it, choose another -o, or start again with --overwrite"
@@ -105,9 +106,10 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self.options = options
-        prepare_folder(output, recording, overwrite=overwrite)
         with ExitStack() as opened:
-            self._state = opened.enter_context(State(output / "state.sqlite"))
+            opened.enter_context(held_folder(output, recording, overwrite=overwrite))
+            state = State(output / "state.sqlite", is_durable=options.durable)
+            self._state = opened.enter_context(state)
             self._open(recording, opened)
             self._open_files = opened.pop_all()
 
@@ -126,8 +128,9 @@ class SegmentRun:
         self._restore()
 
         # the outputs may be behind or ahead after a kill
-        classes, scan_format = self.segmenter.classes, self.options.format
-        self.outputs = opened.enter_context(Outputs(self.output, classes, scan_format))
+        self.outputs = opened.enter_context(
+            Outputs(self.output, self.segmenter.classes, self.options)
+        )
         self.outputs.reconcile(self.segmenter.rows(), [record.event for record in self.records])
         self._write_lost_scans(recording)
         self.outputs.write_record(RunRecord.of(self.segmenter, self.options))
@@ -174,8 +177,8 @@ class SegmentRun:
             InputError: It is damaged.
             OSError: It cannot be read.
         """
-        file = Fingerprint.of(source.path)
-        return ReadScan(source, file, *self._read_points(source))
+        file, points = read_settled(source.path, lambda: self._read_points(source))
+        return ReadScan(source, file, *points)
 
     def _read_points(self, source: ScanFile) -> tuple[Scan, Cloud]:
         return read_scan(source, self.options.frame, self.segmenter.settings.voxel_size)
@@ -188,12 +191,16 @@ class SegmentRun:
     def write_objects(self) -> None:
         """Write objects.json from the map as it is now, unless that is ahead of the checkpoint.
 
-        So it is after a failed commit.
+        So it is after a failed commit. A file that shows this map already stays.
         """
         num_used = sum(record.error is None for record in self.records)
         num_voxels = self.records[-1].num_voxels if self.records else 0
-        if (self.segmenter.num_scans, len(self.segmenter.map)) == (num_used, num_voxels):
-            self.outputs.write_objects(self.segmenter.objects())
+        if (self.segmenter.num_scans, len(self.segmenter.map)) != (num_used, num_voxels):
+            return
+        before = self._state.written(OBJECTS)
+        if before is None or before != self.outputs.hash_of_objects():
+            sha256 = self.outputs.write_objects(self.segmenter.objects())
+            self._state.set_written(OBJECTS, sha256)
 
     def _label(self, read: ReadScan, started: float) -> ScanReport:
         """Label a scan, commit it, then bring the outputs up to date."""
@@ -207,7 +214,8 @@ class SegmentRun:
         # what cannot be written is not committed; what is committed can be written again
         before = perf_counter()
         labelled = read.cloud.with_labels(labels)
-        with whole_cloud(self.outputs.labelled_scan(name), labelled) as partial:
+        path, durable = self.outputs.labelled_scan(name), self.options.durable
+        with whole_cloud(path, labelled, is_durable=durable) as partial:
             written = perf_counter()
             record = ScanRecord(
                 name, read.file, read.source.pose, num_points, len(self.segmenter.map),

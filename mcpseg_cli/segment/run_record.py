@@ -34,6 +34,7 @@ class RunOptions:
         on_error: ``stop`` at a scan that cannot be read, or ``skip`` it.
         offline: Whether all scans are labelled together, when the last is read.
         command: The command line, for the record.
+        durable: Whether every scan that is told of survives a power cut, too.
     """
 
     frame: Frame = "map"
@@ -41,6 +42,7 @@ class RunOptions:
     on_error: OnError = "stop"
     offline: bool = False
     command: Sequence[str] = ()
+    durable: bool = False
 
 
 class RunConfiguration(SegmentSettings):
@@ -60,7 +62,7 @@ class RunConfiguration(SegmentSettings):
     model_config = ConfigDict(extra="ignore")
 
     frame: Frame = "map"
-    format: str | None = None
+    format: ScanFormat | None = None
     precision: Precision = "fp32"
     device: str = "cpu"
     weights: str | None = None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +13,10 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats.recording import ScanFile
+from mcpseg_cli.resumable import printable
 from mcpseg_cli.segment.events import Event, SkippedEvent
+
+_CLOCK_NS = 2_000_000_000  # coarsest clock of a file system: FAT's
 
 
 @dataclass(frozen=True)
@@ -30,9 +35,22 @@ class Fingerprint:
 
     @classmethod
     def of(cls, path: Path) -> Fingerprint:
-        """Take the fingerprint of a file."""
+        """Take the fingerprint of a file, once opened: none is put in its place meanwhile."""
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+            status = os.fstat(file.fileno())
+            return cls(file.tell(), status.st_mtime_ns, sha256)
+
+    def is_still(self, path: Path) -> bool:
+        """Tell whether a file has still this content; that of a new one is read again.
+
+        Within the resolution of its clock a file system may tell the same time for two contents.
+        """
         status = path.stat()
-        return cls(status.st_size, status.st_mtime_ns, _hash(path))
+        if (status.st_size, status.st_mtime_ns) != (self.size, self.mtime_ns):
+            return False
+        is_old = time.time_ns() - status.st_mtime_ns > _CLOCK_NS
+        return is_old or _hash(path) == self.sha256
 
     def matches(self, path: Path) -> bool:
         """Compare with a file; its content is read only where size and time do not settle it."""
@@ -94,7 +112,7 @@ def skipped_scan(
         num_voxels: Voxels in the map, which it leaves as it is.
         floor: Height of the floor, which it leaves as it is.
     """
-    name, reason = source.path.name, str(error)
+    name, reason = source.path.name, printable(str(error))
     event = SkippedEvent(number, name, reason)
     return ScanRecord(name, NOT_READ, source.pose, 0, num_voxels, floor, reason, event, 0)
 
