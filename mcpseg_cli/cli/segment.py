@@ -127,6 +127,14 @@ def segment(
             "file for one.",
         ),
     ] = None,
+    durable: Annotated[
+        bool,
+        typer.Option(
+            "--durable",
+            help="Have each scan on the disk before the next: nothing that was told is lost in a "
+            "power cut.",
+        ),
+    ] = False,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -176,7 +184,7 @@ def segment(
         distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
-    options = RunOptions(frame, format, on_error, offline, sys.argv)
+    options = RunOptions(frame, format, on_error, offline, sys.argv, durable)
 
     with ExitStack() as entered:
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
