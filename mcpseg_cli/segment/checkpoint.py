@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, TypeGuard, cast
+from typing import NamedTuple, Self, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,11 +86,7 @@ class State:
     ) -> None:
         self.path = original or path
         self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path, is_durable=is_durable)
-        try:
-            self._sizes = [_Sizes(*row[11:15], row[7]) for row in self._scan_rows()]
-        except BaseException:
-            self.close()
-            raise
+        self._known_sizes: list[_Sizes] | None = None
 
     def __enter__(self) -> State:
         return self
@@ -156,8 +152,9 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
+        number = len(self._sizes)
         with self._database.transaction():
-            sizes = self._insert(len(self._sizes), record, rows, changes)
+            sizes = self._insert(number, record, rows, changes)
         self._sizes.append(sizes)
 
     def commit_all(self, scans: Sequence[tuple[ScanRecord, MapRows]]) -> None:
@@ -171,12 +168,13 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
+        first = len(self._sizes)
         with self._database.transaction():
             sizes = [
                 self._insert(number, record, rows, MapChanges.none())
-                for number, (record, rows) in enumerate(scans, start=len(self._sizes))
+                for number, (record, rows) in enumerate(scans, start=first)
             ]
-        self._sizes += sizes
+        self._sizes.extend(sizes)
 
     def _insert(
         self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges
@@ -214,8 +212,9 @@ class State:
 
     def scans(self) -> list[ScanRecord]:
         """List the consumed scans in order."""
-        records = []
+        records, sizes = [], []
         for row in self._scan_rows():
+            sizes.append(_Sizes.of(row))
             number, name, size, mtime_ns, sha256, pose, num_points, num_voxels = row[:8]
             floor, error, text, output_size = row[8:12]
             try:
@@ -230,7 +229,15 @@ class State:
                     name, file, matrix, num_points, num_voxels, floor, error, event, output_size
                 )
             )
+        self._known_sizes = sizes
         return records
+
+    @property
+    def _sizes(self) -> list[_Sizes]:
+        """How much there must be of every scan."""
+        if self._known_sizes is None:
+            self._known_sizes = [_Sizes.of(row) for row in self._scan_rows()]
+        return self._known_sizes
 
     def _scan_rows(self) -> Iterator[_ScanRow]:
         """Iterate over the consumed scans: none is missing, all have names of files."""
@@ -414,11 +421,18 @@ class _Sizes(NamedTuple):
     changes: int
     voxels: int
 
+    @classmethod
+    def of(cls, row: _ScanRow) -> Self:
+        """Take them from a row of ``scans``."""
+        return cls(*row[11:15], row[7])
+
+
+_ROW_BYTES = [np.dtype(dtype).itemsize * int(np.prod(shape)) for dtype, shape in COLUMNS.values()]
+
 
 def _are_columns(blobs: Sequence[Value], count: int) -> TypeGuard[list[bytes]]:
     """Tell whether blobs are the columns of so many voxels."""
-    sizes = [np.dtype(dtype).itemsize * int(np.prod(shape)) for dtype, shape in COLUMNS.values()]
-    return all(
-        isinstance(blob, bytes) and len(blob) == count * size
-        for blob, size in zip(blobs, sizes, strict=True)
-    )
+    for blob, size in zip(blobs, _ROW_BYTES, strict=True):
+        if not isinstance(blob, bytes) or len(blob) != count * size:
+            return False
+    return True

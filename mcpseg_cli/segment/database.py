@@ -177,27 +177,28 @@ def row_checksum(table: str, values: Sequence[Value]) -> int:
     Raises:
         TypeError: A value of a type that no column has.
     """
-    crc = zlib.crc32(table.encode())
+    parts: list[bytes | memoryview] = [table.encode()]
     for value in values:
-        kind, data = _encoded(value)
-        size = data.nbytes if isinstance(data, memoryview) else len(data)
-        crc = zlib.crc32(data, zlib.crc32(kind + size.to_bytes(8, "little"), crc))
-    return crc
+        if value is None:
+            parts.append(b"n;")
+        elif type(value) is int:
+            parts.append(b"i%d;" % value)
+        elif type(value) is float:
+            parts.append(b"f" + struct.pack("<d", value))
+        else:
+            parts += _sized(value)
+    return zlib.crc32(b"".join(parts))
 
 
-def _encoded(value: Value) -> tuple[bytes, bytes | memoryview]:
-    """Give a letter for the type of a value, and its bytes."""
-    match value:
-        case None:
-            return b"n", b""
-        case int():
-            return b"i", value.to_bytes(8, "little", signed=True)
-        case float():
-            return b"f", struct.pack("<d", value)
-        case str():
-            return b"s", value.encode("utf-8", "surrogateescape")
-        case bytes() | memoryview():
-            return b"b", value
+def _sized(value: Value) -> tuple[bytes, bytes | memoryview]:
+    """Give type and length of a text or blob, and its bytes."""
+    if isinstance(value, str):
+        data = value.encode("utf-8", "surrogateescape")
+        return b"s%d:" % len(data), data
+    if isinstance(value, bytes):
+        return b"b%d:" % len(value), value
+    if isinstance(value, memoryview):
+        return b"b%d:" % value.nbytes, value
     raise TypeError(f"a {type(value).__name__} in a row")
 
 

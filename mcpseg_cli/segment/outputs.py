@@ -61,9 +61,10 @@ class Outputs:
         self._map.reconcile(rows)
         reconcile_events(self.folder / "events.jsonl", events)
         if self._is_durable:
+            (self.folder / "events.jsonl").touch()
+            for path in (self.folder / "events.jsonl", self.folder / "scans", self.folder):
+                flush(path)
             self._map.flush()
-            flush(self.folder / "events.jsonl")
-            flush(self.folder)
 
     def labelled_scan(self, name: str) -> Path:
         """Return where the labelled copy of a scan goes."""
