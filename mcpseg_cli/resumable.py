@@ -27,6 +27,22 @@ def printable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
+def check_file_name(name: str) -> str:
+    """Return a name, see ``is_file_name``.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if not is_file_name(name):
+        raise ValueError("a name that leads elsewhere")
+    return name
+
+
+def guarded_cell(text: str) -> str:
+    """Write text for a cell of a CSV file that spreadsheets do not take for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
 def is_file_name(name: str) -> bool:
     """Tell whether a name, joined to a folder, is a file in that folder and nowhere else."""
     return name not in ("", ".", "..") and not set(name) & {"/", "\0"}

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import remap_table
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, NoPointsError
 from mcpseg_cli.evaluate.run_folder import RunFolder
-from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.formats import Cloud, read_cloud
 from mcpseg_cli.formats.labels import check_classes, confidence_column, point_labels
 from mcpseg_cli.formats.recording import MAX_COORDINATE
 
@@ -74,7 +74,7 @@ def read_prediction(output: Path, classes: tuple[str, ...] = ()) -> Prediction:
     """
     # the cloud, and the run it belongs to
     path = _find_cloud(output)
-    cloud = read_cloud(path)
+    cloud = _read(path, is_map=output.is_dir())
     _check_extent(cloud.xyz, path)
     folder = RunFolder.read(output) if output.is_dir() else None
 
@@ -107,6 +107,17 @@ def _find_cloud(output: Path) -> Path:
         expected = "a folder that 'mcpseg segment' wrote, or one cloud"
         raise InputError(output, "no map.ply", expected, "check the path")
     return path
+
+
+def _read(path: Path, *, is_map: bool) -> Cloud:
+    """Read a cloud; of the map of a run without a voxel, say what that means."""
+    try:
+        return read_cloud(path)
+    except NoPointsError as error:
+        if not is_map:
+            raise
+        remedy = "wait for a scan, or see that scans lie within --range of their poses"
+        raise InputError(path, "no labelled voxel yet", "a labelled map", remedy) from error
 
 
 def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:

@@ -17,7 +17,7 @@ from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts
 from mcpseg_cli.formats.parts import OnePart
 from mcpseg_cli.incremental.objects import MapObject, objects_text
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import guarded_cell, write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun, joined
 
 _AXES = {
@@ -118,7 +118,7 @@ def _as_row(item: MapObject) -> dict[str, object]:
             named = zip(_AXES[name], value, strict=True)
             row |= {f"{name}_{axis}": number for axis, number in named}
         else:
-            row[name] = value
+            row[name] = guarded_cell(value) if isinstance(value, str) else value
     return row
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourBy
-from mcpseg_cli.errors import OutputError
+from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.export.colours import class_palette, colouring
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.resumable import whole_file
@@ -153,19 +155,44 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    with whole_file(path) as partial:
-        partial.touch()  # fails as a file should; Rerun's own words say less
-        stream.save(partial)
-
+    with whole_file(path) as partial, recording_file(stream, partial) as write:
         # the points are in the order of their scans
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
         for number, record in enumerate(run.scans):
             own = points.select(slice(bounds[number], bounds[number + 1]))
             log.add_scan(number, record.pose, own)
-        stream.flush()
-        stream.disconnect()
+            write()
     return len(scan)
+
+
+@contextmanager
+def recording_file(stream: RecordingStream, path: Path) -> Iterator[Callable[[], None]]:
+    """Write what a stream is told into a file, which fails as a file should.
+
+    Rerun itself goes on over a full disk, and says nothing.
+
+    Args:
+        stream: It goes nowhere else.
+        path: The .rrd file; replaced if there.
+
+    Yields:
+        Writes what the stream was told since the last call.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    import rerun
+
+    with naming(path), path.open("wb") as file:
+        told = rerun.binary_stream(stream)
+
+        def write() -> None:
+            with naming(path):
+                file.write(told.read() or b"")
+
+        yield write
+        write()
 
 
 def _gather(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.errors import InputError, NoPointsError, OutputError
 from mcpseg_cli.scan import Labels
 
 if TYPE_CHECKING:
@@ -78,11 +78,14 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
     """Return ``cloud`` if it has points with finite coordinates.
 
     Raises:
-        InputError: No points, or NaN or infinite coordinates.
+        InputError: No points, NaN or infinite coordinates, or a class whose name breaks headers.
     """
+    if unclean := [name for name in cloud.classes if not name.isprintable()]:
+        expected = "names without line breaks and control characters"
+        raise InputError(path, f"a class named {unclean[0][:40]!a}", expected, "rename it")
     if len(cloud) == 0:
         remedy = "remove the file or record the scan again"
-        raise InputError(path, "zero points", "at least one point", remedy)
+        raise NoPointsError(path, "zero points", "at least one point", remedy)
 
     finite = np.ones(len(cloud), bool)
     with np.errstate(invalid="ignore"):  # a signalling NaN is as bad as a quiet one

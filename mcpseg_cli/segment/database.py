@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import reduce
 from pathlib import Path
 
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
@@ -187,7 +188,7 @@ def row_checksum(table: str, values: Sequence[Value]) -> int:
             parts.append(b"f" + struct.pack("<d", value))
         else:
             parts += _sized(value)
-    return zlib.crc32(b"".join(parts))
+    return reduce(lambda crc, part: zlib.crc32(part, crc), parts, 0)
 
 
 def _sized(value: Value) -> tuple[bytes, bytes | memoryview]:

@@ -7,10 +7,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from mcpseg_cli.errors import InputError, naming
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_file_name, write_whole
 
 if TYPE_CHECKING:
     from mcpseg_cli.incremental.segmenter import ScanUpdate
@@ -160,9 +162,17 @@ def _is_of(line: str, event: Event) -> bool:
     """Tell whether a line is an event's, whatever its times."""
     try:
         facts = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     return isinstance(facts, dict) and facts | {"ms": None} == vars(event) | {"ms": None}
+
+
+class _Line(BaseModel):
+    """What is read of a line; a name is that of a file in the folder of labelled scans."""
+
+    name: Annotated[str, AfterValidator(check_file_name)]
+    skipped: str | None = None
+    ms: dict[str, Annotated[float, Field(ge=0.0, le=1e12)]] | None = None
 
 
 @dataclass(frozen=True)
@@ -193,11 +203,10 @@ def read_events(path: Path) -> list[ScanEvent]:
     events = []
     for number, line in enumerate(path.read_text(errors="replace").split("\n")[:-1], start=1):
         try:
-            entry = json.loads(line)
-            ms = entry.get("ms")
-            total = None if ms is None else float(sum(ms.values()))
-            events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            entry = _Line.model_validate_json(line)
+            total = None if entry.ms is None else sum(entry.ms.values())
+            events.append(ScanEvent(entry.name, entry.skipped is not None, total))
+        except ValidationError as error:
             found = f"line {number:,} that is no event"
             raise InputError(
                 path, found, "lines that mcpseg segment wrote", "run it again to mend the file"

@@ -31,7 +31,7 @@ def read_class_table(path: Path) -> dict[str, str]:
     try:
         text = path.read_text(encoding="utf-8-sig")
         pairs = _json_pairs(text) if path.suffix.lower() == ".json" else _csv_pairs(text)
-    except (ValueError, csv.Error) as error:
+    except (ValueError, csv.Error, RecursionError) as error:
         expected = "lines 'label,class', or one JSON object of texts"
         raise InputError(path, str(error) or "another layout", expected, _REMEDY) from error
     return check_class_table(path, pairs)

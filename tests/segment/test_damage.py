@@ -120,5 +120,5 @@ def test_names_that_lead_out_of_the_folder_are_refused(labelled_run, tmp_path):
     with State(copy) as state, state._database.transaction():
         (row,) = state._database.rows("scans", "number = 1")
         state._database.insert("scans", 1, "../../x.ply", *row[2:], replace=True)
-    with pytest.raises(StateError, match="damaged"):
-        State(copy)
+    with State(copy) as state, pytest.raises(StateError, match="damaged"):
+        state.scans()
