@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -39,7 +39,6 @@ class LiveMap:
         self._target = target
         self._ends: list[int] = []  # voxels after each scan told of
         self._file = ExitStack()
-        self._write: Callable[[], None] = lambda: None
 
         # Rerun connects when it is first told something
         try:
@@ -63,7 +62,7 @@ class LiveMap:
         trace: TracebackType | None,
     ) -> None:
         try:
-            self._file.close()
+            self._file.__exit__(kind, error, trace)
         finally:
             self._stream.disconnect()
 
@@ -91,7 +90,6 @@ class LiveMap:
         for number in owners[owners < known].tolist():
             start = self._ends[number - 1] if number else 0
             self._log.relabel(number, _points(rows, slice(start, self._ends[number])))
-        self._write()
 
     def _open(self) -> None:
         """Start a viewer, connect to one, or open a file."""
@@ -100,8 +98,8 @@ class LiveMap:
         elif "://" in self._target:
             self._stream.connect_grpc(self._target)
         elif self._target.lower().endswith(".rrd"):
-            file = recording_file(self._stream, Path(self._target))
-            self._write = self._file.enter_context(file)
+            path = Path(self._target)
+            self._file.enter_context(recording_file(self._stream, path, path))
         else:
             raise OutputError(
                 f"--rerun {self._target}: unknown; expected 'spawn', a viewer's URL or a .rrd file"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,44 +156,52 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    with whole_file(path) as partial, recording_file(stream, partial) as write:
+    with whole_file(path) as partial, recording_file(stream, partial, path):
         # the points are in the order of their scans
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
         for number, record in enumerate(run.scans):
             own = points.select(slice(bounds[number], bounds[number + 1]))
             log.add_scan(number, record.pose, own)
-            write()
     return len(scan)
 
 
 @contextmanager
-def recording_file(stream: RecordingStream, path: Path) -> Iterator[Callable[[], None]]:
-    """Write what a stream is told into a file, which fails as a file should.
+def recording_file(stream: RecordingStream, path: Path, name: Path) -> Iterator[None]:
+    """Have a stream written into a file, and see in the end that all of it is there.
 
     Rerun itself goes on over a full disk, and says nothing.
 
     Args:
         stream: It goes nowhere else.
         path: The .rrd file; replaced if there.
-
-    Yields:
-        Writes what the stream was told since the last call.
+        name: What errors call it.
 
     Raises:
-        OSError: The file cannot be written.
+        OutputError: Not all of it could be written.
+        OSError: The file cannot be opened.
     """
-    import rerun
+    from rerun.chunk import RrdReader
+    from rerun.error_utils import RerunWarning
 
-    with naming(path), path.open("wb") as file:
-        told = rerun.binary_stream(stream)
-
-        def write() -> None:
-            with naming(path):
-                file.write(told.read() or b"")
-
-        yield write
-        write()
+    with naming(path):
+        path.write_bytes(b"")  # fails as a file should; Rerun's own words say less
+    stream.save(path)
+    try:
+        yield
+    except BaseException:
+        stream.disconnect()
+        raise
+    try:
+        stream.flush()
+        stream.disconnect()
+        with warnings.catch_warnings(action="error"):  # without its last part it is readable
+            RrdReader(path)
+    except (RuntimeError, RerunWarning) as error:
+        raise OutputError(
+            f"{name}: could not be written to its end; expected room on the disk; "
+            "make space and run the same command again"
+        ) from error
 
 
 def _gather(

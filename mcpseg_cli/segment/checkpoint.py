@@ -35,6 +35,7 @@ from mcpseg_cli.segment.map_changes import (
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
 
 SCHEMA_VERSION = 4
+_TOGETHER = 1 << 14  # voxels that are read in one go, at least
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB
 _SCHEMA = """
 CREATE TABLE configuration (
@@ -375,23 +376,24 @@ class State:
         return semantic, confidence
 
     def _first_rows(self) -> Iterator[MapRows]:
-        """Iterate over every voxel as first seen, see ``map_rows``."""
+        """Iterate over every voxel as first seen, many at a time, see ``map_rows``."""
         expected, num_voxels = 0, self._num_voxels()
+        waiting: list[list[bytes]] = []
+        start = 0
         for first_id, count, *blobs in self._database.rows("voxels"):
             size = count if isinstance(count, int) and 0 < count <= num_voxels - expected else 0
             if first_id != expected or not size or not _are_columns(blobs, size):
                 raise self._database.damaged(f"voxels from {expected:,}")
             expected += size
-            columns = zip(blobs, COLUMNS.values(), strict=True)
-            yield MapRows(
-                *(
-                    np.frombuffer(blob, dtype).reshape(size, *shape)
-                    for blob, (dtype, shape) in columns
-                )
-            )
+            waiting.append(blobs)
+            if expected - start >= _TOGETHER:
+                yield _joined(waiting)
+                waiting, start = [], expected
 
         if expected != num_voxels:
             raise self._database.damaged(f"voxels from {expected:,}")
+        if waiting:
+            yield _joined(waiting)
 
     def instance_after(self, scan: int) -> NDArray[np.int32]:
         """Return (V,) int32 object ids as they were after a scan; later voxels have ids too.
@@ -425,6 +427,17 @@ class _Sizes(NamedTuple):
     def of(cls, row: _ScanRow) -> Self:
         """Take them from a row of ``scans``."""
         return cls(*row[11:15], row[7])
+
+
+def _joined(scans: Sequence[Sequence[bytes]]) -> MapRows:
+    """Make rows of the columns of several scans."""
+    columns = (b"".join(parts) for parts in zip(*scans, strict=True))
+    return MapRows(
+        *(
+            np.frombuffer(column, dtype).reshape(-1, *shape)
+            for column, (dtype, shape) in zip(columns, COLUMNS.values(), strict=True)
+        )
+    )
 
 
 _ROW_BYTES = [np.dtype(dtype).itemsize * int(np.prod(shape)) for dtype, shape in COLUMNS.values()]

@@ -7,7 +7,6 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from functools import reduce
 from pathlib import Path
 
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
@@ -188,7 +187,10 @@ def row_checksum(table: str, values: Sequence[Value]) -> int:
             parts.append(b"f" + struct.pack("<d", value))
         else:
             parts += _sized(value)
-    return reduce(lambda crc, part: zlib.crc32(part, crc), parts, 0)
+    crc = 0
+    for part in parts:
+        crc = zlib.crc32(part, crc)
+    return crc
 
 
 def _sized(value: Value) -> tuple[bytes, bytes | memoryview]:

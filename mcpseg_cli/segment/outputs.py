@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +18,7 @@ from mcpseg_cli.resumable import flush, remove_leftovers, whole_file
 from mcpseg_cli.segment.events import Event, append_event, reconcile_events
 from mcpseg_cli.segment.map_ply import LabelledMap
 from mcpseg_cli.segment.run_record import RunOptions, RunRecord
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 OBJECTS = "objects.json"
 
@@ -70,6 +73,15 @@ class Outputs:
         """Return where the labelled copy of a scan goes."""
         path = self.folder / "scans" / name
         return path.with_suffix(f".{self._format}") if self._format else path
+
+    def has_labelled(self, record: ScanRecord) -> bool:
+        """Tell whether the labelled copy of a scan is there, of its size; no link is followed."""
+        path = f"{self.folder}/scans/{record.name}" if self._format is None else None
+        try:
+            status = os.lstat(path or self.labelled_scan(record.name))
+        except FileNotFoundError:
+            return False
+        return stat.S_ISREG(status.st_mode) and status.st_size == record.output_size
 
     def update_map(self, rows: MapRows, changed: NDArray[np.int32]) -> None:
         """Bring map.ply up to date, see ``LabelledMap.update``."""

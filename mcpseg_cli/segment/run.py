@@ -277,10 +277,9 @@ class SegmentRun:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
-            path = self.outputs.labelled_scan(record.name)
-            is_there = path.is_file() and path.stat().st_size == record.output_size
-            if record.error is not None or is_there:
+            if record.error is not None or self.outputs.has_labelled(record):
                 continue
+            path = self.outputs.labelled_scan(record.name)
             scan, cloud = self._read_points(source)
             past = past or PastLabels(self._state, self.segmenter.classes)
             labels = past.after(number, self.segmenter.find_points(scan))
