@@ -5,7 +5,8 @@ round reads damaged files of every format, kills one run of ``mcpseg segment`` a
 until it is done, flips bits of a checkpoint, and in turn cuts the power, fills the disk or starts
 two runs at once (``soak_parts``). Each round has the next seed. The last lines name those that
 found something, and ``--seconds 0 --seed N`` is that round again (kills fall a little otherwise).
-Exit 1 where outputs differ, or where something other than an error of one line comes out of a reader.
+Exit 1 where outputs differ, or where something other than an error of one line comes out of a
+reader.
 """
 
 import argparse
