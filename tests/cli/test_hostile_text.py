@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -13,12 +14,13 @@ import numpy as np
 import pytest
 
 from mcpseg_cli.cli.display import notice, plain, print_table
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.evaluate.truth import open_truth
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
 from mcpseg_cli.resumable import guarded_cell, is_file_name
 from mcpseg_cli.segment.events import read_events
 from mcpseg_cli.segment.run_record import RunRecord
+from tests.areas import write_area
 from tests.commands import MOST_S, command, invoke, segment
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J"
@@ -204,3 +206,51 @@ def test_an_output_that_is_no_utf8_is_written_or_refused_in_one_line(
     )
     assert (result.returncode, result.stderr) == (0, "")
     assert os.path.exists(out + b"/map.ply")  # noqa: PTH110
+
+
+# --- what is left, and what is advised ---
+
+
+def test_what_a_killed_export_left_goes_with_the_next_one_to_the_place(labelled_run, tmp_path):
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
+                           capture_output=True, text=True, check=True)  # fmt: skip
+    folder = tmp_path / "to"
+    folder.mkdir()
+    for suffix in ("ply", "laz", "npz", "pcd", "csv"):
+        (folder / f".other.{ended.stdout.strip()}-7.part.{suffix}").write_text("half")
+    assert invoke("export", labelled_run.out, "-o", folder / "map.ply", "-q").exit_code == 0
+    assert [path.name for path in folder.iterdir()] == ["map.ply"]
+
+
+def test_eval_of_a_map_without_a_voxel_advises_to_wait_not_to_record_again(labelled_run, tmp_path):
+    out = shutil.copytree(labelled_run.out, tmp_path / "out")
+    header = (out / "map.ply").read_bytes().partition(b"end_header\n")[0] + b"end_header\n"
+    (out / "map.ply").write_bytes(re.sub(rb"element vertex \d+", b"element vertex 0", header))
+    line = one_line(invoke("eval", out, labelled_run.out / "map.ply"))
+    assert "no labelled voxel yet" in line
+    assert "wait for a scan" in line
+
+
+def test_data_that_cannot_be_written_beside_asks_for_a_cache(tmp_path, monkeypatch):
+    from mcpseg_cli.config import AugmentSettings, SampleSettings
+    from mcpseg_cli.train import fold_data
+    from mcpseg_cli.train.folds import find_areas
+
+    def refuse(*args):
+        raise PermissionError(13, "Permission denied", "samples.h5")
+
+    write_area(tmp_path / "area")
+    monkeypatch.setattr(fold_data, "prepare_samples", refuse)
+    settings = fold_data.DataSettings(SampleSettings(), AugmentSettings())
+    with pytest.raises(OutputError, match="name a folder for them with --cache"):
+        fold_data.prepare(find_areas(tmp_path), settings, lambda *_: None)
+
+
+def test_links_in_the_folder_of_virtual_scans_are_refused(tmp_path):
+    from mcpseg_cli.raytrace.run import _check_folder
+
+    (tmp_path / "users").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/scans").symlink_to(tmp_path / "users")
+    with pytest.raises(OutputError, match="a link to"):
+        _check_folder(tmp_path / "out", None, None)

@@ -119,6 +119,28 @@ def test_objects_json_counts_every_voxel_once(recording, tmp_path, weights_path)
     assert len(objects) == run.segmenter.clusters.num_objects
 
 
+def test_objects_json_is_not_written_again_when_nothing_changed_and_is_when_it_did(
+    recording, tmp_path, weights_path
+):
+    run_all(recording, tmp_path / "out", weights_path, stop_after=3)
+    path = tmp_path / "out/objects.json"
+    before, status = path.read_bytes(), path.stat()
+    assert json.dumps(json.loads(before), indent=1).encode() + b"\n" == before
+
+    # a scan more; nothing new; changed by hand
+    run = run_all(recording, tmp_path / "out", weights_path, stop_after=1)
+    assert len(run.records) == 4
+    assert (path.stat().st_ino, path.read_bytes()) != (status.st_ino, before)
+    whole = run_all(recording, tmp_path / "out", weights_path)
+    status = path.stat()
+    assert run_all(recording, tmp_path / "out", weights_path).pending == []
+    assert path.stat().st_ino == status.st_ino
+    path.write_text(path.read_text().replace("0.", "1."))
+    run_all(recording, tmp_path / "out", weights_path)
+    assert len(json.loads(path.read_text())) == whole.segmenter.clusters.num_objects
+    assert path.stat().st_ino != status.st_ino
+
+
 def test_events_tell_counts_merges_and_times_of_every_scan(recording, tmp_path, weights_path):
     run = run_all(recording, tmp_path / "out", weights_path)
     events = events_of(tmp_path / "out")
