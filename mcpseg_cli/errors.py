@@ -1,8 +1,12 @@
 """Expected failures: each is one line: what was found, what was expected and what to do."""
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+"""Numbers of an OSError for a disk, file or quota that has no more room."""
 
 
 class McpsegError(Exception):
@@ -22,6 +26,10 @@ class InputError(McpsegError):
     def __init__(self, source: Path | str, found: str, expected: str, remedy: str) -> None:
         self.source = str(source)
         super().__init__(" ".join(f"{source}: {found}; expected {expected}; {remedy}".split()))
+
+
+class NoPointsError(InputError):
+    """A cloud without any point."""
 
 
 class WeightsError(InputError):

@@ -1,12 +1,11 @@
 """Work that survives being cut short: whole files, one process a folder, the same request."""
 
-import fcntl
-import glob
 import json
 import os
 import re
 import shutil
 import threading
+import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,10 @@ from mcpseg_cli.errors import StateError, StateInUseError
 
 _LONG, _FIRST = 30, 16  # letters of values in messages
 _PARTIAL = ".part"
+_STEM = 40  # letters of a name that are kept in the hidden one: names may have 255 bytes
+_STARTTIME = 19  # in /proc/PID/stat, behind the name: clock ticks since the machine started
+_CLOCK_S = 5.0  # seconds that the clocks of files and processes may differ
+_LOCK_S = 0.1  # a process that is about to end lets go within this time
 _LEFTOVER = re.compile(rf"\.(?:.*\.)?(?P<pid>\d+)-\d+\{_PARTIAL}(?:\.[^.]+)?")
 
 
@@ -24,33 +27,54 @@ def printable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
+def check_file_name(name: str) -> str:
+    """Return a name, see ``is_file_name``.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if not is_file_name(name):
+        raise ValueError("a name that leads elsewhere")
+    return name
+
+
+def guarded_cell(text: str) -> str:
+    """Write text for a cell of a CSV file that spreadsheets do not take for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
+def is_file_name(name: str) -> bool:
+    """Tell whether a name, joined to a folder, is a file in that folder and nowhere else."""
+    return name not in ("", ".", "..") and not set(name) & {"/", "\0"}
+
+
 def write_whole(path: Path, content: str | bytes, *, is_durable: bool = False) -> None:
     """Write a file; it appears under its name only when complete.
 
     Args:
         path: The file; its folder must exist; replaced if there.
         content: What to write; text as UTF-8.
-        is_durable: Wait until it is on the disk.
+        is_durable: Wait until it is on the disk, under its name.
 
     Raises:
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
-    with whole_file(path) as partial, partial.open("wb") as file:
-        file.write(data)
-        if is_durable:
-            file.flush()
-            os.fsync(file.fileno())
+    with whole_file(path, is_durable=is_durable) as partial:
+        partial.write_bytes(data)
 
 
 @contextmanager
-def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
+def whole_file(
+    path: Path, *, is_one_of_many: bool = False, is_durable: bool = False
+) -> Iterator[Path]:
     """Have a file written under another name; it gets its own when the block ends well.
 
     Args:
         path: The file; its folder must exist; replaced if there.
-        is_one_of_many: Do not search the folder for what killed processes left of this file: in a
-            folder of thousands that takes its time, and ``remove_leftovers`` does it once.
+        is_one_of_many: Do not search the folder for what killed processes left: in a folder of
+            thousands that takes its time, and ``remove_abandoned`` does it once.
+        is_durable: Wait until it is on the disk, before it gets its name and after.
 
     Yields:
         The name to write to: hidden, in the same folder, with the same ending.
@@ -59,21 +83,34 @@ def whole_file(path: Path, *, is_one_of_many: bool = False) -> Iterator[Path]:
         OSError: As the block raises it, but naming ``path``; nothing is left behind.
     """
     if not is_one_of_many:
-        _remove_abandoned(path)
+        remove_abandoned(path.parent)
 
     # a name of this thread's own: others may write the same file
     writer = f"{os.getpid()}-{threading.get_ident()}"
-    partial = path.with_name(f"{_first_part(path)}{writer}{_PARTIAL}{path.suffix}")
+    partial = path.with_name(f".{path.stem[:_STEM]}.{writer}{_PARTIAL}{path.suffix}")
 
     try:
         yield partial
+        if is_durable:
+            flush(partial)
         partial.replace(path)
+        if is_durable:
+            flush(path.parent)
     except OSError as error:
         if error.errno is None or error.filename not in (None, str(partial)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def flush(path: Path) -> None:
+    """Wait until a file's content, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -112,17 +149,35 @@ def remove_leftovers(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _remove_abandoned(path: Path) -> None:
-    """Delete what processes that have ended left of one file; others may be writing it now."""
-    for leftover in path.parent.glob(f"{glob.escape(_first_part(path))}*{_PARTIAL}*"):
+def remove_abandoned(folder: Path) -> None:
+    """Delete the incomplete files of processes that have ended; others may be writing there now.
+
+    Args:
+        folder: Need not exist.
+    """
+    for leftover in folder.glob(f".*{_PARTIAL}*"):
         found = _LEFTOVER.fullmatch(leftover.name)
-        if found and not Path(f"/proc/{found['pid']}").exists():
+        if found and not _may_be_writing(int(found["pid"]), leftover):
             leftover.unlink(missing_ok=True)
 
 
-def _first_part(path: Path) -> str:
-    """Begin the hidden name of an incomplete file; cut, for names may have 255 bytes."""
-    return f".{path.stem[:40]}."
+def _may_be_writing(pid: int, file: Path) -> bool:
+    """Tell whether a process is there, and was when the file was last written."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass  # another user's
+
+    # another process may have got the number since
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        uptime = float(Path("/proc/uptime").read_text().split()[0])
+        age = uptime - int(fields[_STARTTIME]) / os.sysconf("SC_CLK_TCK")
+        return file.stat().st_mtime > time.time() - age - _CLOCK_S
+    except OSError:
+        return True
 
 
 @contextmanager
@@ -131,42 +186,40 @@ def exclusive(folder: Path, name: str = ".mcpseg.lock") -> Iterator[None]:
 
     Args:
         folder: Made if not there.
-        name: An empty file that is there as long as it is held; the lock ends with the process,
-            however that ends.
+        name: A file that is there as long as it is held, with the number of the process; the lock
+            ends with the process, however that ends.
 
     Raises:
         StateInUseError: Another process holds it.
         OSError: The folder cannot be made or written.
     """
+    from filelock import FileLock, Timeout
+
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
-    descriptor = _lock(path)
-    while descriptor is None:  # the one who held it has just removed the file
-        descriptor = _lock(path)
+    lock = FileLock(path, timeout=_LOCK_S, poll_interval=_LOCK_S / 4)
     try:
+        lock.acquire()
+    except Timeout as error:
+        raise StateInUseError(
+            f"{folder}: another mcpseg is writing there{_holder(path)}; expected to be the only "
+            "one; wait for it or name another"
+        ) from error
+    try:
+        path.write_text(f"{os.getpid()}\n")
         yield
     finally:
-        path.unlink(missing_ok=True)
-        os.close(descriptor)
+        path.unlink(missing_ok=True)  # while held: who opened it before sees that it is gone
+        lock.release()
 
 
-def _lock(path: Path) -> int | None:
-    """Lock a file; None if it is no longer the one under this name."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+def _holder(path: Path) -> str:
+    """Name the process that holds a lock, as far as the file says."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.path.samestat(os.fstat(descriptor), path.stat()):
-            return descriptor
-    except FileNotFoundError:
-        pass
-    except BlockingIOError as error:
-        os.close(descriptor)
-        raise StateInUseError(
-            f"{path.parent}: another mcpseg is writing there; expected to be the only one; "
-            "wait for it or name another"
-        ) from error
-    os.close(descriptor)
-    return None
+        text = path.read_text(errors="replace").strip()
+    except OSError:
+        return ""
+    return f" (process {text})" if text.isascii() and text.isdigit() and len(text) < 12 else ""
 
 
 def check_same(

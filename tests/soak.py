@@ -1,10 +1,12 @@
 """A campaign of kills and damaged files that goes on until its time is up; not part of the suite.
 
 ``make soak SECONDS=600``, or ``python -m tests.soak --seconds 600 --seed 1 -o report.json``: a
-round reads damaged files of every format, and kills one run of ``mcpseg segment`` at random moments
-until it is done. Each round has the next seed. The last lines name those that found something, and
-``--seconds 0 --seed N`` is that round again (kills fall a little otherwise). Exit 1 where outputs
-differ, or where something other than an error of one line comes out of a reader.
+round reads damaged files of every format, kills one run of ``mcpseg segment`` at random moments
+until it is done, flips bits of a checkpoint, and in turn cuts the power, fills the disk or starts
+two runs at once (``soak_parts``). Each round has the next seed. The last lines name those that
+found something, and ``--seconds 0 --seed N`` is that round again (kills fall a little otherwise).
+Exit 1 where outputs differ, or where something other than an error of one line comes out of a
+reader.
 """
 
 import argparse
@@ -25,6 +27,7 @@ from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud, write_cloud
 from mcpseg_cli.formats.cloud import Cloud
 from mcpseg_cli.formats.poses import read_poses
+from tests import soak_parts
 from tests.commands import command, kill_at_random, num_events, outputs_of, run_to_its_end
 from tests.recordings import write_recording, write_weights
 
@@ -36,6 +39,7 @@ METHODS: dict[str, tuple[Architecture, Labelling]] = {
 NUM_SCANS = 30
 NUM_POINTS = 40  # of a cloud to damage: a header is a good part of its file
 FILES_A_ROUND = 250
+MOST_S = 10.0  # to read a small file, or to refuse it
 
 
 @dataclass
@@ -47,6 +51,7 @@ class Report:
     kills: Counter[str] = field(default_factory=Counter)
     read: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
+    others: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
     slowest: str = ""
     failures: list[str] = field(default_factory=list)
@@ -63,9 +68,11 @@ def main(words: list[str] | None = None) -> int:
     report, deadline = Report(options.seed), time.monotonic() + options.seconds
     with tempfile.TemporaryDirectory() as folder:
         kills, damages = Kills(Path(folder)), Damages(Path(folder))
+        runs = soak_parts.Runs(Path(folder))
         while report.rounds == 0 or time.monotonic() < deadline:
             seed = options.seed + report.rounds
             damages.play(seed, report)
+            soak_parts.play(seed, runs, report)
             kills.play(seed, report, deadline)
             report.rounds += 1
             show(seed, report)
@@ -80,9 +87,11 @@ def show(seed: int, report: Report) -> None:
     """Print one line: what all rounds did so far."""
     kills = ", ".join(f"{method} {count}" for method, count in report.kills.items())
     files = f"{report.read.total():,} damaged files read, {report.refused.total():,} refused"
+    others = ", ".join(f"{count:,} {name}" for name, count in report.others.items())
     slowest = f"slowest {report.slowest_s:.2f} s ({report.slowest})"
     print(
-        f"seed {seed}: killed {kills}; {files}; {slowest}; {len(report.failures)} found", flush=True
+        f"seed {seed}: killed {kills}; {others}; {files}; {slowest}; {len(report.failures)} found",
+        flush=True,
     )
 
 
@@ -166,6 +175,8 @@ class Damages:
             began = time.monotonic()
             self._read(path, f"seed {seed}: damaged file {number}, {suffix}", report)
             seconds = time.monotonic() - began
+            if seconds > MOST_S:
+                report.failures.append(f"seed {seed}: file {number}, {suffix}: {seconds:.0f} s")
             if seconds > report.slowest_s:
                 report.slowest_s, report.slowest = seconds, f"seed {seed}, file {number}, {suffix}"
 

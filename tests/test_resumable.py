@@ -4,15 +4,18 @@ import errno
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from mcpseg_cli import resumable
 from mcpseg_cli.errors import StateError, StateInUseError
 from mcpseg_cli.resumable import (
     check_same,
     exclusive,
+    remove_abandoned,
     remove_leftovers,
     whole_file,
     whole_folder,
@@ -97,11 +100,47 @@ def test_what_a_killed_process_left_of_a_file_goes_with_the_next_write(tmp_path)
     # while this process, too, writes the file
     with whole_file(tmp_path / "a.txt", is_one_of_many=True) as partial:
         partial.write_text("whole")
-        write_whole(tmp_path / "b.txt", "another")
         assert leftover in names_in(tmp_path)
+        write_whole(tmp_path / "b.txt", "another")
+        assert leftover not in names_in(tmp_path)
         with ThreadPoolExecutor(1) as thread:  # leaves what a running process writes
             thread.submit(write_whole, tmp_path / "a.txt", "text").result()
         assert names_in(tmp_path) == sorted([partial.name, "a.txt", "b.txt"])
+
+
+def test_a_process_that_has_the_number_of_a_dead_one_does_not_keep_what_that_left(tmp_path):
+    leftover = tmp_path / f".a.{os.getppid()}-1.part.ply"
+    for age_s, stays in ((0, True), (400 * 86400, False)):
+        leftover.write_text("half")
+        os.utime(leftover, (time.time() - age_s, time.time() - age_s))
+        remove_abandoned(tmp_path)
+        assert leftover.exists() == stays
+    remove_abandoned(tmp_path / "missing")
+
+
+def test_a_file_that_is_to_survive_a_power_cut_is_on_the_disk_before_it_has_its_name(
+    tmp_path, monkeypatch
+):
+    steps = []
+    monkeypatch.setattr(resumable, "flush", lambda path: steps.append((path, names_in(tmp_path))))
+    write_whole(tmp_path / "a.txt", "text", is_durable=True)
+    (content, before), (folder, after) = steps
+    assert content.name[0] == "."
+    assert (before, folder, after) == ([content.name], tmp_path, ["a.txt"])
+
+
+def test_a_lock_names_the_process_that_holds_it_and_follows_no_link(tmp_path):
+    with (
+        exclusive(tmp_path),
+        pytest.raises(StateInUseError, match=rf"\(process {os.getpid()}\)"),
+        exclusive(tmp_path),
+    ):
+        pass
+    (tmp_path / "users.txt").write_text("keep")
+    (tmp_path / ".mcpseg.lock").symlink_to(tmp_path / "users.txt")
+    with pytest.raises(OSError, match="symbolic"), exclusive(tmp_path):
+        pass
+    assert (tmp_path / "users.txt").read_text() == "keep"
 
 
 def test_leftovers_are_told_from_files_of_the_user(tmp_path):

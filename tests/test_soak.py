@@ -6,12 +6,13 @@ import pytest
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
-from tests import soak
+from tests import soak, soak_parts
 
 
 @pytest.fixture
 def no_kills(monkeypatch):
     monkeypatch.setattr(soak.Kills, "play", lambda *_: None)
+    monkeypatch.setattr(soak.soak_parts, "play", lambda *_: None)
 
 
 def test_a_campaign_of_two_seconds_kills_damages_and_finds_nothing(tmp_path, capsys):
@@ -21,6 +22,7 @@ def test_a_campaign_of_two_seconds_kills_damages_and_finds_nothing(tmp_path, cap
     assert (report["first_seed"], report["failures"]) == (3, [])
     assert report["rounds"] >= 1
     assert sum(report["kills"].values()) >= 1
+    assert report["others"]["bit flips"] >= soak_parts.FLIPS_A_ROUND
     assert set(report["refused"]) == {*CLOUD_SUFFIXES, ".csv", ".tum"}
     assert capsys.readouterr().out.splitlines()[-1] == "nothing found"
 
@@ -38,6 +40,7 @@ def test_an_exception_of_another_kind_is_found_and_its_seed_told(no_kills, monke
 
 
 def test_outputs_that_differ_are_found(monkeypatch, capsys):
+    monkeypatch.setattr(soak.soak_parts, "play", lambda *_: None)
     outputs = iter([{"map.ply": b"a"}, {"map.ply": b"b"}])
     monkeypatch.setattr(soak, "outputs_of", lambda output: next(outputs))
     monkeypatch.setattr(soak, "num_events", lambda output: soak.NUM_SCANS)

@@ -10,12 +10,32 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from mcpseg_cli.resumable import printable
+
+_LONGEST = 1000  # letters of a line: what is longer is shortened in its middle
+_LAST = 300  # of these, how many are of its end, where the remedy is
+
+
+def plain(text: str, longest: int = _LONGEST) -> str:
+    r"""Write text that may come from files for a terminal: in one line, no letter obeyed.
+
+    Control characters, line breaks and what turns the direction of text appear as ``\x1b``.
+    """
+    if not text.isprintable():
+        text = "".join(
+            letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+            for letter in printable(text)
+        )
+    if len(text) > longest:
+        text = f"{text[: longest - _LAST]} … {text[-_LAST:]}"
+    return text
+
 
 def notice(line: str, *, quiet: bool = False, console: Console | None = None) -> None:
     """Print one line on stderr unless ``quiet``; beside a progress bar, through its ``console``."""
     if not quiet:
         target = console or Console(stderr=True)
-        target.print(line, markup=False, highlight=False, emoji=False, soft_wrap=True)
+        target.print(plain(line), markup=False, highlight=False, emoji=False, soft_wrap=True)
 
 
 def progress_bar(title: str, *, quiet: bool) -> Progress:
@@ -30,7 +50,7 @@ def progress_bar(title: str, *, quiet: bool) -> Progress:
     """
     console = Console(stderr=True)
     return Progress(
-        TextColumn(title.replace("{", "{{").replace("}", "}}"), markup=False),
+        TextColumn(plain(title).replace("{", "{{").replace("}", "}}"), markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
@@ -43,11 +63,11 @@ def progress_bar(title: str, *, quiet: bool) -> Progress:
 
 def print_table(rows: Iterable[tuple[str, str]]) -> None:
     """Print names and values on stdout: a table on a terminal, plain aligned text otherwise."""
+    rows = [(plain(name), plain(value)) for name, value in rows]
     console = Console(soft_wrap=True)
     if not console.is_terminal:
-        pairs = list(rows)
-        width = max(len(name) for name, _ in pairs)
-        typer.echo("".join(f"{name:<{width}}  {value}\n" for name, value in pairs), nl=False)
+        width = max(len(name) for name, _ in rows)
+        typer.echo("".join(f"{name:<{width}}  {value}\n" for name, value in rows), nl=False)
         return
 
     # values fold in their own column

@@ -183,14 +183,14 @@ def _score_one(
     quiet: bool,
 ) -> Scores:
     """Score one pair under a progress bar."""
-    from mcpseg_cli.cli.display import progress_bar
+    from mcpseg_cli.cli.display import plain, progress_bar
     from mcpseg_cli.evaluate.run import evaluate_run
 
     with progress_bar(f"read {output.name}", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
 
         def told(what: str, done: int, size: int) -> None:
-            bar.update(task, completed=done, total=size, state=what)
+            bar.update(task, completed=done, total=size, state=plain(what))
 
         return evaluate_run(
             output, truth, classes=classes, class_map=class_map, fields=fields, told=told

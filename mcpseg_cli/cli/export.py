@@ -155,6 +155,7 @@ class _Progress:
 
 def _export_run(folder: Path, outputs: list[Path], request: _Request, *, quiet: bool) -> None:
     """Write everything from one moment of the run, and say what."""
+    from mcpseg_cli.cli.display import plain
     from mcpseg_cli.segment.labelled_run import LabelledRun
 
     with _progress_bar(quiet=quiet) as progress, LabelledRun(folder, progress.advance) as run:
@@ -165,7 +166,7 @@ def _export_run(folder: Path, outputs: list[Path], request: _Request, *, quiet: 
                 done = _export_file(run, output, request)
             else:
                 done = _fill_folder(run, output, request, progress)
-            typer.echo(f"{output}: {done}")
+            typer.echo(plain(f"{output}: {done}"))
 
 
 def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:
@@ -235,13 +236,13 @@ def _export_weights(name: str, output: Path) -> str:
 @contextmanager
 def _progress_bar(*, quiet: bool) -> Iterator[_Progress]:
     """Put up a bar for the file at hand."""
-    from mcpseg_cli.cli.display import progress_bar
+    from mcpseg_cli.cli.display import plain, progress_bar
 
     with progress_bar("export", quiet=quiet) as bar:
         task = bar.add_task("", total=None, state="")
 
         def show(name: str, completed: int, total: int) -> None:
-            bar.update(task, completed=completed, total=total, state=name)
+            bar.update(task, completed=completed, total=total, state=plain(name))
 
         yield _Progress(show)
 

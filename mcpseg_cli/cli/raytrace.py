@@ -261,7 +261,7 @@ class _Task:
 
     def _read(self, area: Path) -> Building:
         """Read the building under a progress bar; say what was noticed."""
-        from mcpseg_cli.cli.display import notice, progress_bar
+        from mcpseg_cli.cli.display import notice, plain, progress_bar
         from mcpseg_cli.formats.buildings import read_building
         from mcpseg_cli.formats.labels import LabelFields
 
@@ -269,7 +269,9 @@ class _Task:
             task = bar.add_task("", total=None, state="")
 
             def progress(room: str, done: int, total: int) -> None:
-                bar.update(task, completed=done >> 20, total=total >> 20, state=f"MB  {room}")
+                bar.update(
+                    task, completed=done >> 20, total=total >> 20, state=plain(f"MB  {room}")
+                )
 
             fields = LabelFields(*self.fields)
             building, notices = read_building(area, self.cache, progress, self.jobs, fields=fields)

@@ -13,8 +13,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mcpseg_cli.cli.display import plain
 from mcpseg_cli.evaluate.dotted_names import Metric, flatten
 from mcpseg_cli.evaluate.run import Scores
+from mcpseg_cli.resumable import guarded_cell
 
 Column = tuple[str, Mapping[str, Metric]]
 """A title and metrics by dotted name."""
@@ -157,7 +159,9 @@ def print_csv(runs: Sequence[Scores], document: Mapping[str, object]) -> None:
     names = ["out", "gt", "scored_over", "room", *(name for line in lines for name in line)]
     writer = csv.DictWriter(sys.stdout, list(dict.fromkeys(names)), restval="", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(lines)
+    for line in lines:
+        texts = {name: guarded_cell(text) for name, text in line.items() if isinstance(text, str)}
+        writer.writerow({**line, **texts})
 
 
 def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Column]:
@@ -256,9 +260,9 @@ def _distinct(texts: Iterable[str]) -> str:
 
 def _print_plain(block: Block, width: int) -> None:
     """Print one block as aligned text, names in so many letters."""
-    typer.echo(f"# {block.title}")
-    lines = [("", *block.columns)] if len(block.columns) > 1 else []
-    lines += block.rows
+    typer.echo(f"# {plain(block.title)}")
+    lines = [("", *map(plain, block.columns))] if len(block.columns) > 1 else []
+    lines += [tuple(map(plain, row)) for row in block.rows]
     columns = range(1, len(block.columns) + 1)
     widths = [max(9, *(len(line[column]) for line in lines)) for column in columns]
     for name, *values in lines:
@@ -268,15 +272,15 @@ def _print_plain(block: Block, width: int) -> None:
 
 def _print_rich(console: Console, block: Block) -> None:
     """Print one block as a table."""
-    console.print(Text(block.title, style="bold cyan"))
+    console.print(Text(plain(block.title), style="bold cyan"))
     table = Table(
         box=None, pad_edge=False, show_header=len(block.columns) > 1, padding=(0, 2, 0, 2)
     )
     table.add_column("")
     for title in block.columns:
-        table.add_column(Text(title, style="bold"), justify="right")
+        table.add_column(Text(plain(title), style="bold"), justify="right")
     for row in block.rows:
-        table.add_row(*(Text(value) for value in row))
+        table.add_row(*(Text(plain(value)) for value in row))
     console.print(table, markup=False, highlight=False, emoji=False)
 
 

@@ -187,6 +187,14 @@ def segment(
             "file for one.",
         ),
     ] = None,
+    durable: Annotated[
+        bool,
+        typer.Option(
+            "--durable",
+            help="Have each scan on the disk before the next: nothing that was told is lost in a "
+            "power cut.",
+        ),
+    ] = False,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -259,7 +267,7 @@ def segment(
     segmenter = IncrementalSegmenter(chosen, settings, precision=precision, device=device)
     options = RunOptions(
         taken.intake.frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes),
-        topic, opened.pairing_as_json(), taken.intake,
+        topic, opened.pairing_as_json(), taken.intake, durable,
     )  # fmt: skip
 
     with ExitStack() as entered:

@@ -94,7 +94,7 @@ def synth(
     """
     import json
 
-    from mcpseg_cli.cli.display import print_table, progress_bar
+    from mcpseg_cli.cli.display import plain, print_table, progress_bar
     from mcpseg_cli.resumable import exclusive
     from mcpseg_cli.synth.area import CLASSES_OF
     from mcpseg_cli.synth.models.library import read_models
@@ -125,7 +125,7 @@ def synth(
             for name in room.points:
                 points[name] += room.points[name]
                 objects[name] += room.objects[name]
-            bar.update(task, advance=1, state=room.name)
+            bar.update(task, advance=1, state=plain(room.name))
 
     # what was made
     if as_json:

@@ -12,9 +12,10 @@ from time import perf_counter
 
 import typer
 
-from mcpseg_cli.cli.display import notice, print_table, progress_bar
+from mcpseg_cli.cli.display import notice, plain, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import CheckpointSettings, TrainSettings
+from mcpseg_cli.errors import FULL, OutputError
 from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.weights import Weights
 from mcpseg_cli.resumable import exclusive
@@ -75,6 +76,19 @@ class TrainTask:
 
     def run(self, areas: Sequence[Area], folds: Sequence[tuple[Fold, TrainFiles]]) -> None:
         """Train every fold, one after the other, and print the results."""
+        try:
+            self._run(areas, folds)
+        except OSError as error:
+            begun = any(files.path("checkpoint").exists() for _, files in folds)
+            if error.errno not in FULL or self.options.resume or not begun:
+                raise
+            raise OutputError(
+                f"{error.filename}: {error.strerror}; expected room on the disk; make space and "
+                "run the same command with --resume, the last checkpoint is kept"
+            ) from error
+
+    def _run(self, areas: Sequence[Area], folds: Sequence[tuple[Fold, TrainFiles]]) -> None:
+        """Train every fold, see ``run``."""
         with ExitStack() as stack:
             # nobody else writes these files, and nothing there is lost
             if self.is_first:
@@ -116,7 +130,7 @@ class TrainTask:
             task = bar.add_task("", total=None, state="")
 
             def progress(name: str, done: int, total: int) -> None:
-                bar.update(task, completed=done, total=total, state=f"scans  {name}")
+                bar.update(task, completed=done, total=total, state=plain(f"scans  {name}"))
 
             prepared = prepare(areas, self.data, progress)
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.classes import UNKNOWN, remap_table
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, NoPointsError
 from mcpseg_cli.evaluate.class_map import ClassMap
 from mcpseg_cli.evaluate.run_folder import RunFolder
-from mcpseg_cli.formats import read_measured
+from mcpseg_cli.formats import Cloud, read_measured
 from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.formats.labels import (
     USUAL,
@@ -99,7 +99,7 @@ def read_prediction(
     """
     # the cloud, and the run it belongs to
     path = _find_cloud(output)
-    cloud = read_measured(path).measured()
+    cloud = _read(path, is_map=output.is_dir())
     _check_extent(cloud.xyz, path)
     folder = RunFolder.read(output) if output.is_dir() else None
     fields = USUAL if folder or cloud.label("semantic") is not None else fields
@@ -144,6 +144,17 @@ def _find_cloud(output: Path) -> Path:
         expected = "a folder that 'mcpseg segment' wrote, or one cloud"
         raise InputError(output, "no map.ply", expected, "check the path")
     return path
+
+
+def _read(path: Path, *, is_map: bool) -> Cloud:
+    """Read a cloud; of the map of a run without a voxel, say what that means."""
+    try:
+        return read_measured(path).measured()
+    except NoPointsError as error:
+        if not is_map:
+            raise
+        remedy = "wait for a scan, or see that scans lie within --range of their poses"
+        raise InputError(path, "no labelled voxel yet", "a labelled map", remedy) from error
 
 
 def _check_extent(xyz: NDArray[np.floating], source: Path) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
+from pydantic import BaseModel, Field, ValidationError
 
 from mcpseg_cli.building import Building
 from mcpseg_cli.errors import InputError
@@ -22,13 +22,14 @@ from mcpseg_cli.formats.s3dis import Progress
 
 NO_ROOM = -1
 _AS_IT_IS = Intake()
+_MOST_OBJECTS = 1 << 24  # their rooms are looked up in a table
 _SLICE = 1 << 20  # points of a building that make a part
 
 
 class _NamedObject(BaseModel):
     """An object of a recording's building."""
 
-    id: int
+    id: Annotated[int, Field(le=_MOST_OBJECTS)]
     name: str
 
 
@@ -158,8 +159,8 @@ def _rooms_of_recording(record: Path) -> tuple[tuple[str, ...], NDArray[np.int32
     if not record.is_file():
         return (), None
     try:
-        objects = _Recording.model_validate(json.loads(record.read_text("utf-8"))).objects
-    except ValueError as error:
+        objects = _Recording.model_validate_json(record.read_bytes()).objects
+    except ValidationError as error:
         expected = "a record of mcpseg raytrace"
         raise InputError(record, "no list of objects", expected, "run it again") from error
 

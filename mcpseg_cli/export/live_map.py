@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -10,8 +11,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import OutputError, naming
-from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream
+from mcpseg_cli.errors import OutputError
+from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream, recording_file
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.scan_record import ScanRecord
 
@@ -37,6 +38,7 @@ class LiveMap:
         self._stream = open_stream()
         self._target = target
         self._ends: list[int] = []  # voxels after each scan told of
+        self._file = ExitStack()
 
         # Rerun connects when it is first told something
         try:
@@ -59,7 +61,10 @@ class LiveMap:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._stream.disconnect()
+        try:
+            self._file.__exit__(kind, error, trace)
+        finally:
+            self._stream.disconnect()
 
     def follow(
         self, records: Sequence[ScanRecord], rows: MapRows, changed: NDArray[np.int32]
@@ -94,9 +99,7 @@ class LiveMap:
             self._stream.connect_grpc(self._target)
         elif self._target.lower().endswith(".rrd"):
             path = Path(self._target)
-            with naming(path):
-                path.write_bytes(b"")  # fails as a file should; Rerun's own words say less
-            self._stream.save(path)
+            self._file.enter_context(recording_file(self._stream, path, path))
         else:
             raise OutputError(
                 f"--rerun {self._target}: unknown; expected 'spawn', a viewer's URL or a .rrd file"

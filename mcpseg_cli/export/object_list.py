@@ -17,8 +17,8 @@ from mcpseg_cli.export.map_cloud import as_cloud, in_recording, label_prefix_for
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.formats import write_parts
 from mcpseg_cli.formats.parts import OnePart
-from mcpseg_cli.incremental.objects import MapObject
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.incremental.objects import MapObject, objects_text
+from mcpseg_cli.resumable import guarded_cell, write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun, joined
 
 _PLACES = ("centroid", "aabb_min", "aabb_max", "obb_centre")
@@ -52,7 +52,7 @@ def write_objects(run: LabelledRun, path: Path, selection: Selection) -> int:
     elif suffix == ".geojson":
         text = _as_geojson(items, float(str(run.settings["voxel_size"])))
     else:
-        text = json.dumps([asdict(item) for item in items], indent=1) + "\n"
+        text = "".join(objects_text(items))
     write_whole(path, text)
     return len(items)
 
@@ -133,7 +133,7 @@ def _as_row(item: MapObject) -> dict[str, object]:
             named = zip(_AXES[name], value, strict=True)
             row |= {f"{name}_{axis}": number for axis, number in named}
         else:
-            row[name] = value
+            row[name] = guarded_cell(value) if isinstance(value, str) else value
     return row
 
 

@@ -19,6 +19,7 @@ from mcpseg_cli.formats.recording import (
     read_scan,
 )
 from mcpseg_cli.incremental.voxel_map import VoxelMap
+from mcpseg_cli.resumable import remove_abandoned
 from mcpseg_cli.scan import Labels
 from mcpseg_cli.segment.labelled_run import LabelledRun
 from mcpseg_cli.segment.outputs import labelled_name
@@ -101,6 +102,7 @@ def relabel_scans(run: LabelledRun, scans: Path, folder: Path) -> Iterator[Path]
 
     # every scan by itself
     folder.mkdir(exist_ok=True)
+    remove_abandoned(folder)
     for source in sources:
         scan, cloud = read_scan(source, intake, voxel_size)
         ids = voxels.find(scan.xyz)  # -1 finds the last row

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourBy
-from mcpseg_cli.errors import OutputError
+from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.export.colours import class_palette, colouring
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.resumable import whole_file
@@ -157,19 +160,52 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    with whole_file(path) as partial:
-        partial.touch()  # fails as a file should; Rerun's own words say less
-        stream.save(partial)
-
+    with whole_file(path) as partial, recording_file(stream, partial, path):
         # the points are in the order of their scans
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
         for number, record in enumerate(run.scans):
             own = points.select(slice(bounds[number], bounds[number + 1]))
             log.add_scan(number, record.pose, own)
+    return len(scan)
+
+
+@contextmanager
+def recording_file(stream: RecordingStream, path: Path, name: Path) -> Iterator[None]:
+    """Have a stream written into a file, and see in the end that all of it is there.
+
+    Rerun itself goes on over a full disk, and says nothing.
+
+    Args:
+        stream: It goes nowhere else.
+        path: The .rrd file; replaced if there.
+        name: What errors call it.
+
+    Raises:
+        OutputError: Not all of it could be written.
+        OSError: The file cannot be opened.
+    """
+    from rerun.chunk import RrdReader
+    from rerun.error_utils import RerunWarning
+
+    with naming(path):
+        path.write_bytes(b"")  # fails as a file should; Rerun's own words say less
+    stream.save(path)
+    try:
+        yield
+    except BaseException:
+        stream.disconnect()
+        raise
+    try:
         stream.flush()
         stream.disconnect()
-    return len(scan)
+        with warnings.catch_warnings(action="error"):  # without its last part it is readable
+            RrdReader(path)
+    except (RuntimeError, RerunWarning) as error:
+        raise OutputError(
+            f"{name}: could not be written to its end; expected room on the disk; "
+            "make space and run the same command again"
+        ) from error
 
 
 def _gather(

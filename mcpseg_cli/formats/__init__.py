@@ -111,12 +111,13 @@ def write_parts(path: Path, parts: CloudParts) -> None:
 
 
 @contextmanager
-def whole_cloud(path: Path, cloud: Cloud) -> Iterator[Path]:
+def whole_cloud(path: Path, cloud: Cloud, *, is_durable: bool = False) -> Iterator[Path]:
     """Write a point cloud file that gets its name when the block ends without an error.
 
     Args:
         path: As for ``write_cloud``.
         cloud: As for ``write_cloud``.
+        is_durable: As for ``whole_file``.
 
     Yields:
         The complete file under its temporary name.
@@ -131,7 +132,7 @@ def whole_cloud(path: Path, cloud: Cloud) -> Iterator[Path]:
             f"{path}: cannot write {suffix or 'nothing'!r}; "
             f"expected {', '.join(CLOUD_SUFFIXES)}; rename it"
         )
-    with whole_file(path, is_one_of_many=True) as partial:
+    with whole_file(path, is_one_of_many=True, is_durable=is_durable) as partial:
         _write(path, partial, OnePart(cloud))
         yield partial
 

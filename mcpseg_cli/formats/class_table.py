@@ -41,7 +41,7 @@ def read_rows(path: Path) -> list[tuple[str, str]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
         return _json_pairs(text) if path.suffix.lower() == ".json" else _csv_pairs(text)
-    except (ValueError, csv.Error) as error:
+    except (ValueError, csv.Error, RecursionError) as error:
         expected = "lines 'label,class', or one JSON object of texts"
         raise InputError(path, str(error) or "another layout", expected, _REMEDY) from error
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourUnit
 from mcpseg_cli.classes import UNKNOWN
-from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.errors import InputError, NoPointsError, OutputError
 from mcpseg_cli.formats.colours import as_bytes, contradiction, find_colour
 from mcpseg_cli.scan import Labels
 
@@ -136,7 +136,7 @@ def checked(path: Path, cloud: Cloud) -> Cloud:
     """Return ``cloud`` if it has points with finite coordinates.
 
     Raises:
-        InputError: No points, or NaN or infinite coordinates.
+        InputError: No points, NaN or infinite coordinates, or a class whose name breaks headers.
     """
     _check_points(path, cloud)
     finite = _finite(cloud)
@@ -170,9 +170,13 @@ def mark_valid(path: Path, cloud: Cloud) -> Cloud:
 
 
 def _check_points(path: Path, cloud: Cloud) -> None:
+    """Refuse a cloud without points, or with a class whose name breaks headers."""
+    if unclean := [name for name in cloud.classes if not name.isprintable()]:
+        expected = "names without line breaks and control characters"
+        raise InputError(path, f"a class named {unclean[0][:40]!a}", expected, "rename it")
     if len(cloud) == 0:
         remedy = "remove the file or record the scan again"
-        raise InputError(path, "zero points", "at least one point", remedy)
+        raise NoPointsError(path, "zero points", "at least one point", remedy)
 
 
 def _finite(cloud: Cloud) -> NDArray[np.bool_]:

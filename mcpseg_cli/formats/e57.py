@@ -53,7 +53,7 @@ def write_e57(path: Path, parts: CloudParts) -> None:
             _write_points(target, points, parts, list(first.columns))
     except libe57.E57Exception as error:
         raise OutputError(
-            f"libE57: {error}; expected room on the disk; make space and try again"
+            "cannot be written; expected room on the disk; make space and run the command again"
         ) from error
 
 

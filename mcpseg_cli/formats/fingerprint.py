@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+_CLOCK_NS = 2_000_000_000  # coarsest clock of a file system: FAT's
 
 
 @dataclass(frozen=True)
@@ -25,8 +29,22 @@ class Fingerprint:
     @classmethod
     def of(cls, *paths: Path) -> Fingerprint:
         """Take the fingerprint of a scan that is a file, or several read one after another."""
-        size, mtime_ns = _status(paths)
-        return cls(size, mtime_ns, _hash(paths))
+        if len(paths) > 1:
+            size, mtime_ns = _status(paths)
+            return cls(size, mtime_ns, _hash(paths))
+        with paths[0].open("rb") as file:  # once opened, none is put in its place
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+            return cls(file.tell(), os.fstat(file.fileno()).st_mtime_ns, sha256)
+
+    def is_still(self, path: Path) -> bool:
+        """Tell whether a file has still this content; that of a new one is read again.
+
+        Within the resolution of its clock a file system may tell the same time for two contents.
+        """
+        if (self.size, self.mtime_ns) != _status([path]):
+            return False
+        is_old = time.time_ns() - self.mtime_ns > _CLOCK_NS
+        return is_old or _hash([path]) == self.sha256
 
     def matches(self, *paths: Path) -> bool:
         """Compare with files; their content is read only where size and time do not settle it."""

@@ -82,7 +82,10 @@ def read_tags(path: Path) -> dict[str, str]:
         pass
     try:
         with h5py.File(path, "r") as file:
-            tags = json.loads(_array(path, file, "tags", "|u1", (None,)).tobytes())
+            text = _array(path, file, "tags", "|u1", (None,)).tobytes()
+            if int(file.attrs["tags_crc32"]) != zlib.crc32(text):
+                raise ValueError("tags that differ from their checksum")
+            tags = json.loads(text)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
         raise _damaged(path, error) from error
     if not isinstance(tags, dict) or not all(isinstance(text, str) for text in tags.values()):
@@ -113,6 +116,7 @@ def _write_datasets(
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = np.bytes_(_FORMAT)
         file.attrs["crc32"] = np.int64(_checksum(building))
+        file.attrs["tags_crc32"] = np.int64(zlib.crc32(arrays["tags"].tobytes()))
         for name, array in arrays.items():
             file.create_dataset(name, data=array)
 

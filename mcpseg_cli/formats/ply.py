@@ -8,6 +8,7 @@ import warnings
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from time import sleep, time
 from typing import BinaryIO
 
 import numpy as np
@@ -31,6 +32,13 @@ _NAMES = {
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CLASSES_COMMENT = "mcpseg classes "
 _MAX_HEADER = 1 << 16
+_ATTEMPTS = 20
+_PAUSE_S = 0.02
+_SETTLED_S = 1.0  # from the new vertices of a map to their number in its header at most
+
+
+class _TooManyError(InputError):
+    """More vertices than the header promises."""
 
 
 @dataclass
@@ -65,7 +73,19 @@ def read_ply(path: Path) -> Cloud:
     Raises:
         InputError: Not a PLY, a header that makes no sense, or fewer vertices than promised.
     """
-    data = path.read_bytes()
+    # the map of a run that goes on has new vertices before its header says so
+    for _ in range(_ATTEMPTS):
+        try:
+            return _read(path, path.read_bytes())
+        except _TooManyError:
+            if time() - path.stat().st_mtime > _SETTLED_S:
+                raise
+            sleep(_PAUSE_S)
+    return _read(path, path.read_bytes())
+
+
+def _read(path: Path, data: bytes) -> Cloud:
+    """Read the vertices of a whole file."""
     header = _parse_header(path, data)
     position = _vertex_position(path, header)
     if header.encoding == "ascii":
@@ -242,4 +262,4 @@ def _miscounted(path: Path, promised: int, found: int) -> InputError:
     counts, remedy = f"{promised:,} vertices promised, {found:,} found", "copy it again"
     if found < promised:
         return InputError(path, counts, f"{promised:,}", f"the file is cut short; {remedy}")
-    return InputError(path, counts, f"{promised:,}", "the header is wrong; export it again")
+    return _TooManyError(path, counts, f"{promised:,}", "the header is wrong; export it again")

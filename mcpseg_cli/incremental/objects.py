@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +43,30 @@ class MapObject:
     obb_centre: tuple[float, float, float]
     obb_size: tuple[float, float, float]
     obb_yaw_deg: float
+
+
+def objects_text(items: Iterable[MapObject]) -> Iterator[str]:
+    """Write an inventory as JSON with an indent of 1, object by object.
+
+    Args:
+        items: The objects.
+
+    Yields:
+        Parts of the text.
+    """
+    opened = "["
+    for item in items:
+        values = (f'  "{name}": {_value_text(value)}' for name, value in vars(item).items())
+        yield opened + "\n {\n" + ",\n".join(values) + "\n }"
+        opened = ","
+    yield "\n]\n" if opened == "," else "[]\n"
+
+
+def _value_text(value: object) -> str:
+    """Write a number, a text or a place as ``json.dumps`` would in there."""
+    if isinstance(value, tuple):
+        return "[\n   " + ",\n   ".join(map(json.dumps, value)) + "\n  ]"
+    return json.dumps(value)
 
 
 def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:

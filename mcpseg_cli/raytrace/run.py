@@ -344,6 +344,12 @@ def _check_folder(
     """Refuse a folder with clouds that no run made, or another run unless it is replaced."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file; expected a folder; choose another -o")
+    for path in (folder / "scans", folder / "gt"):
+        if path.is_symlink():
+            raise OutputError(
+                f"{path}: a link to {path.readlink()}; expected the run's own folder, which is "
+                "written over; remove the link, or choose another -o"
+            )
     if record is None:
         present = ["poses.csv"] if (folder / "poses.csv").exists() else []
         present += [f"clouds in {name}/" for name in ("scans", "gt") if _clouds(folder / name)]

@@ -9,11 +9,12 @@ rewritten.
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple, Self, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.incremental.evidence import BLOCK
 from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
 from mcpseg_cli.incremental.regrouping import History, Moves
-from mcpseg_cli.segment.database import Database
+from mcpseg_cli.resumable import is_file_name
+from mcpseg_cli.segment.database import Database, Value
 from mcpseg_cli.segment.events import event_text, parse_event
 from mcpseg_cli.segment.map_changes import (
     LabelChanges,
@@ -33,25 +35,39 @@ from mcpseg_cli.segment.map_changes import (
 )
 from mcpseg_cli.segment.scan_record import ScanRecord
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
+_TOGETHER = 1 << 14  # voxels that are read in one go, at least
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB
 _SCHEMA = """
-CREATE TABLE configuration (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE configuration (
+    number INTEGER PRIMARY KEY, settings TEXT NOT NULL, checksum INTEGER NOT NULL) STRICT;
 CREATE TABLE scans (
     number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE,
     size INTEGER NOT NULL, mtime_ns INTEGER NOT NULL, sha256 TEXT NOT NULL, pose BLOB NOT NULL,
     num_points INTEGER NOT NULL, num_voxels INTEGER NOT NULL, floor REAL, error TEXT,
     event TEXT NOT NULL, output_size INTEGER NOT NULL, num_merges INTEGER NOT NULL,
-    num_moves INTEGER NOT NULL, num_changes INTEGER NOT NULL);
-CREATE TABLE merges (scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL, crc INTEGER NOT NULL);
-CREATE TABLE moves (scan INTEGER PRIMARY KEY, voxels BLOB NOT NULL, crc INTEGER NOT NULL);
-CREATE TABLE changes (scan INTEGER PRIMARY KEY, labels BLOB NOT NULL, crc INTEGER NOT NULL);
-CREATE TABLE evidence (block INTEGER PRIMARY KEY, rows BLOB NOT NULL, crc INTEGER NOT NULL);
+    num_moves INTEGER NOT NULL, num_changes INTEGER NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE merges (
+    scan INTEGER PRIMARY KEY, pairs BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE moves (
+    scan INTEGER PRIMARY KEY, voxels BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE changes (
+    scan INTEGER PRIMARY KEY, labels BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE evidence (
+    block INTEGER PRIMARY KEY, rows BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;
 CREATE TABLE voxels (
     first_id INTEGER PRIMARY KEY, count INTEGER NOT NULL, xyz BLOB NOT NULL, rgb BLOB NOT NULL,
     semantic BLOB NOT NULL, confidence BLOB NOT NULL, instance BLOB NOT NULL,
-    embedding BLOB NOT NULL, crc INTEGER NOT NULL);
+    embedding BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE outputs (
+    name TEXT PRIMARY KEY, num_scans INTEGER NOT NULL, sha256 TEXT NOT NULL,
+    checksum INTEGER NOT NULL) STRICT, WITHOUT ROWID;
 """
+
+_ScanRow = tuple[
+    int, str, int, int, str, bytes, int, int, float | None, str | None, str, int, int, int, int
+]
+"""A row of ``scans`` but for its checksum."""
 
 
 class State:
@@ -60,22 +76,19 @@ class State:
     Args:
         path: The database; made if not there.
         original: What it is a copy of; errors name that.
+        is_durable: Whether what is committed survives a power cut, too.
 
     Raises:
         StateError: In use, damaged, not a checkpoint, or of another version.
         OutputError: It cannot be written.
     """
 
-    def __init__(self, path: Path, *, original: Path | None = None) -> None:
+    def __init__(
+        self, path: Path, *, original: Path | None = None, is_durable: bool = False
+    ) -> None:
         self.path = original or path
-        self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path)
-        self._db = self._database.connection
-        try:
-            with self._database.explained():
-                self._num_scans = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
-        except BaseException:
-            self.close()
-            raise
+        self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path, is_durable=is_durable)
+        self._known_sizes: list[_Sizes] | None = None
 
     def __enter__(self) -> State:
         return self
@@ -94,20 +107,40 @@ class State:
 
     def configuration(self) -> dict[str, object] | None:
         """Return the configuration the run was started with; None for a new checkpoint."""
-        with self._database.explained():
-            rows = self._db.execute("SELECT key, value FROM configuration").fetchall()
-        if not rows and self._num_scans:
+        rows = list(self._database.rows("configuration"))
+        if len(rows) != 1:
+            if not rows and not self._sizes:
+                return None
             raise self._database.damaged("no configuration")
         try:
-            return {key: json.loads(value) for key, value in rows} or None
-        except (ValueError, TypeError) as error:
+            settings = json.loads(str(rows[0][1]))
+        except (ValueError, RecursionError) as error:
             raise self._database.damaged("configuration") from error
+        if not isinstance(settings, dict):
+            raise self._database.damaged("configuration")
+        return settings
 
     def set_configuration(self, configuration: Mapping[str, object]) -> None:
         """Write down the configuration of a new run."""
-        rows = [(key, json.dumps(value, sort_keys=True)) for key, value in configuration.items()]
         with self._database.transaction():
-            self._db.executemany("INSERT INTO configuration VALUES (?, ?)", rows)
+            text = json.dumps(configuration, sort_keys=True)
+            self._database.insert("configuration", 0, text, replace=True)
+
+    def written(self, name: str) -> str | None:
+        """Return the hash of an output as it was written after the last scan; None if it was not.
+
+        Args:
+            name: What it is called.
+        """
+        for _, num_scans, sha256 in self._database.rows("outputs", "name = ?", (name,)):
+            if num_scans == len(self._sizes):
+                return str(sha256)
+        return None
+
+    def set_written(self, name: str, sha256: str) -> None:
+        """Write down the hash of an output that shows the map as it is after the last scan."""
+        with self._database.transaction():
+            self._database.insert("outputs", name, len(self._sizes), sha256, replace=True)
 
     def commit(self, record: ScanRecord, rows: MapRows, changes: MapChanges) -> None:
         """Add one scan and all it did, or, if anything fails, nothing.
@@ -121,9 +154,10 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
+        number = len(self._sizes)
         with self._database.transaction():
-            self._insert(self._num_scans, record, rows, changes)
-        self._num_scans += 1
+            sizes = self._insert(number, record, rows, changes)
+        self._sizes.append(sizes)
 
     def commit_all(self, scans: Sequence[tuple[ScanRecord, MapRows]]) -> None:
         """Add scans that were labelled together: all of them or, if anything fails, none.
@@ -136,23 +170,26 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
+        first = len(self._sizes)
         with self._database.transaction():
-            for number, (record, rows) in enumerate(scans, start=self._num_scans):
+            sizes = [
                 self._insert(number, record, rows, MapChanges.none())
-        self._num_scans += len(scans)
+                for number, (record, rows) in enumerate(scans, start=first)
+            ]
+        self._sizes.extend(sizes)
 
-    def _insert(self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges) -> None:
-        """Add a scan within a transaction."""
+    def _insert(
+        self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges
+    ) -> _Sizes:
+        """Add a scan within a transaction; return how much there must be of it."""
         file = record.file
         identity = (
             number, record.name, file.size, file.mtime_ns, file.sha256, record.pose.tobytes()
         )  # fmt: skip
         event = event_text(record.event)
         outcome = (record.num_points, record.num_voxels, record.floor, record.error, event)
-        sizes = (
-            record.output_size, len(changes.merges), len(changes.moves), len(changes.labels)
-        )  # fmt: skip
-        self._db.execute(f"INSERT INTO scans VALUES ({_holes(15)})", identity + outcome + sizes)
+        counts = (len(changes.merges), len(changes.moves), len(changes.labels))
+        self._database.insert("scans", *identity, *outcome, record.output_size, *counts)
         self._insert_changes(number, changes)
 
         # new voxels, in blobs that SQLite can hold
@@ -160,45 +197,32 @@ class State:
             parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in COLUMNS]
             first_id = record.num_voxels - len(rows) + start
             blobs = [np.ascontiguousarray(part).data for part in parts]
-            values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
-            self._db.execute(f"INSERT INTO voxels VALUES ({_holes(9)})", values)
+            self._database.insert("voxels", first_id, len(parts[0]), *blobs)
+        return _Sizes(record.output_size, *counts, record.num_voxels)
 
     def _insert_changes(self, number: int, changes: MapChanges) -> None:
         """Add to the logs, and put evidence in the place of what was known before."""
+        insert = self._database.insert
         if len(changes.merges):
-            pairs = changes.merges.astype("<i4").tobytes()
-            values = (number, pairs, zlib.crc32(pairs))
-            self._db.execute("INSERT INTO merges VALUES (?, ?, ?)", values)
+            insert("merges", number, changes.merges.astype("<i4").tobytes())
         if len(changes.moves):
-            voxels = packed_moves(changes.moves)
-            values = (number, voxels, zlib.crc32(voxels))
-            self._db.execute("INSERT INTO moves VALUES (?, ?, ?)", values)
+            insert("moves", number, packed_moves(changes.moves))
         if len(changes.labels):
-            labels = changes.labels.packed()
-            values = (number, labels, zlib.crc32(labels))
-            self._db.execute("INSERT INTO changes VALUES (?, ?, ?)", values)
-
-        blobs = ((block, rows.tobytes()) for block, rows in changes.evidence.items())
-        self._db.executemany(
-            "INSERT OR REPLACE INTO evidence VALUES (?, ?, ?)",
-            ((block, blob, zlib.crc32(blob)) for block, blob in blobs),
-        )
+            insert("changes", number, changes.labels.packed())
+        for block, rows in changes.evidence.items():
+            insert("evidence", int(block), rows.tobytes(), replace=True)
 
     def scans(self) -> list[ScanRecord]:
         """List the consumed scans in order."""
-        with self._database.explained():
-            rows = self._db.execute("SELECT * FROM scans ORDER BY number").fetchall()
-        records = []
-        for expected, (number, name, size, mtime_ns, sha256, pose, *outcome) in enumerate(rows):
-            if number != expected or not isinstance(pose, bytes) or len(pose) != 16 * 8:
-                raise self._database.damaged(f"scan {expected:,}")
-
-            # what became of it
-            num_points, num_voxels, floor, error, text, output_size, *_ = outcome
+        records, sizes = [], []
+        for row in self._scan_rows():
+            sizes.append(_Sizes.of(row))
+            number, name, size, mtime_ns, sha256, pose, num_points, num_voxels = row[:8]
+            floor, error, text, output_size = row[8:12]
             try:
                 event = parse_event(text)
-            except (ValueError, TypeError) as problem:
-                raise self._database.damaged(f"event of scan {expected:,}") from problem
+            except (ValueError, TypeError, RecursionError) as problem:
+                raise self._database.damaged(f"event of scan {number:,}") from problem
 
             file = Fingerprint(size, mtime_ns, sha256)
             matrix = np.frombuffer(pose, np.float64).reshape(4, 4)
@@ -207,7 +231,24 @@ class State:
                     name, file, matrix, num_points, num_voxels, floor, error, event, output_size
                 )
             )
+        self._known_sizes = sizes
         return records
+
+    @property
+    def _sizes(self) -> list[_Sizes]:
+        """How much there must be of every scan."""
+        if self._known_sizes is None:
+            self._known_sizes = [_Sizes.of(row) for row in self._scan_rows()]
+        return self._known_sizes
+
+    def _scan_rows(self) -> Iterator[_ScanRow]:
+        """Iterate over the consumed scans: none is missing, all have names of files."""
+        for expected, row in enumerate(self._database.rows("scans")):
+            number, name, pose = row[0], str(row[1]), row[5]
+            is_pose = isinstance(pose, bytes) and len(pose) == 16 * 8
+            if number != expected or not is_pose or not is_file_name(name):
+                raise self._database.damaged(f"scan {expected:,}")
+            yield cast(_ScanRow, row)
 
     def merges(self, until: int | None = None) -> NDArray[np.int32]:
         """Return (P, 2) int32 merges in order: all, or those of scans up to number ``until``.
@@ -215,23 +256,8 @@ class State:
         Raises:
             StateError: Some are missing or changed.
         """
-        last = 1 << 60 if until is None else until
-        with self._database.explained():
-            rows = self._db.execute(
-                "SELECT pairs, crc FROM merges WHERE scan <= ? ORDER BY scan", (last,)
-            ).fetchall()
-            (count,) = self._db.execute(
-                "SELECT total(num_merges) FROM scans WHERE number <= ?", (last,)
-            ).fetchone()
-
-        # every scan's must be whole, and all of them there
-        if any(not isinstance(pairs, bytes) or zlib.crc32(pairs) != crc for pairs, crc in rows):
-            raise self._database.damaged("merges")
-        joined = np.frombuffer(b"".join(pairs for pairs, _ in rows), "<i4")
-        merges = joined.reshape(-1, 2).astype(np.int32)
-        if len(merges) != count:
-            raise self._database.damaged("merges")
-        return merges
+        pairs = [blob for *_, blob in self._logged("merges", 0, until)]
+        return np.frombuffer(b"".join(pairs), "<i4").reshape(-1, 2).astype(np.int32)
 
     def moves(self, first: int = 0, last: int | None = None) -> Iterator[Moves]:
         """Iterate over the voxels that went to other objects otherwise than by merges, in order.
@@ -243,7 +269,7 @@ class State:
         Raises:
             StateError: A scan's are missing or changed.
         """
-        for scan, count, num_voxels, blob in self._logged("moves", "voxels", first, last):
+        for scan, count, num_voxels, blob in self._logged("moves", first, last):
             try:
                 moves = unpacked_moves(blob)
                 if len(moves) != count or not are_within(moves.ids, num_voxels):
@@ -266,7 +292,7 @@ class State:
         Raises:
             StateError: A scan's are missing or changed.
         """
-        for scan, count, num_voxels, blob in self._logged("changes", "labels", first, last):
+        for scan, count, num_voxels, blob in self._logged("changes", first, last):
             try:
                 changes = LabelChanges.unpacked(blob)
                 if len(changes) != count or not changes.are_within(num_voxels):
@@ -276,20 +302,23 @@ class State:
             yield changes
 
     def _logged(
-        self, table: str, column: str, first: int, last: int | None
+        self, table: str, first: int, last: int | None
     ) -> Iterator[tuple[int, int, int, bytes]]:
         """Iterate over a log: scan, how many rows it must have, voxels in the map, what it has."""
-        bounds = (first, 1 << 60 if last is None else last)
-        with self._database.explained():
-            for scan, count, num_voxels, blob, crc in self._db.execute(
-                f"SELECT number, num_{table}, num_voxels, {column}, {table}.crc "
-                f"FROM scans LEFT JOIN {table} ON scan = number "
-                f"WHERE num_{table} > 0 AND number BETWEEN ? AND ? ORDER BY number",
-                bounds,
-            ):
-                if not isinstance(blob, bytes) or zlib.crc32(blob) != crc:
-                    raise self._database.damaged(f"{table} of scan {scan:,}")
-                yield scan, count, num_voxels, blob
+        sizes = self._sizes[: None if last is None else last + 1]
+        expected = [
+            (scan, getattr(size, table), size.voxels)
+            for scan, size in enumerate(sizes)
+            if scan >= first and getattr(size, table) > 0
+        ]
+        bounds = (first, len(sizes) - 1)
+        found = self._database.rows(table, "scan BETWEEN ? AND ?", bounds)
+        for (scan, count, num_voxels), row in zip_longest(expected, found, fillvalue=(-1, 0, 0)):
+            if row[0] != scan or not isinstance(row[1], bytes):
+                raise self._database.damaged(f"{table} of scan {max(scan, 0):,}")
+            if table == "merges" and len(row[1]) != 8 * count:
+                raise self._database.damaged(f"{table} of scan {scan:,}")
+            yield scan, count, num_voxels, row[1]
 
     def evidence(self) -> Iterator[NDArray[np.uint16]]:
         """Iterate over the evidence about all voxels, in id order; nothing for first looks.
@@ -301,16 +330,13 @@ class State:
             StateError: A block is missing, cut or changed.
         """
         expected, num_voxels = 0, self._num_voxels()
-        with self._database.explained():
-            for block, blob, crc in self._db.execute(
-                "SELECT block, rows, crc FROM evidence ORDER BY block"
-            ):
-                count = min(num_voxels - expected * BLOCK, BLOCK)
-                is_whole = isinstance(blob, bytes) and zlib.crc32(blob) == crc
-                if block != expected or count <= 0 or not is_whole or len(blob) % (2 * count):
-                    raise self._database.damaged(f"evidence about voxels from {expected * BLOCK:,}")
-                expected += 1
-                yield np.frombuffer(blob, "<u2").reshape(count, -1)
+        for block, blob in self._database.rows("evidence"):
+            count = min(num_voxels - expected * BLOCK, BLOCK)
+            is_whole = isinstance(blob, bytes) and count > 0 and len(blob) % (2 * count) == 0
+            if block != expected or not isinstance(blob, bytes) or not is_whole:
+                raise self._database.damaged(f"evidence about voxels from {expected * BLOCK:,}")
+            expected += 1
+            yield np.frombuffer(blob, "<u2").reshape(count, -1)
         if expected and expected * BLOCK < num_voxels:
             raise self._database.damaged(f"evidence about voxels from {expected * BLOCK:,}")
 
@@ -342,32 +368,33 @@ class State:
         Raises:
             StateError: Some are missing.
         """
-        semantic, confidence = self._column("semantic"), self._column("confidence")
-        if not len(semantic) == len(confidence) == self._num_voxels():
-            raise self._database.damaged("labels of voxels")
-        return semantic.astype(np.uint8), confidence.astype(np.float32)
+        semantic = np.empty(self._num_voxels(), np.uint8)
+        confidence, start = np.empty(len(semantic), np.float32), 0
+        for rows in self._first_rows():
+            part = slice(start, start + len(rows))
+            semantic[part], confidence[part] = rows.semantic, rows.confidence
+            start += len(rows)
+        return semantic, confidence
 
     def _first_rows(self) -> Iterator[MapRows]:
-        """Iterate over every voxel as first seen, see ``map_rows``."""
-        expected = 0
-        with self._database.explained():
-            for first_id, count, *blobs, crc in self._db.execute(
-                f"SELECT first_id, count, {', '.join(COLUMNS)}, crc FROM voxels ORDER BY first_id"
-            ):
-                is_whole = all(isinstance(blob, bytes) for blob in blobs)
-                if first_id != expected or not is_whole or _checksum(blobs) != crc:
-                    raise self._database.damaged(f"voxels from {expected:,}")
-                expected += count
-                columns = zip(blobs, COLUMNS.values(), strict=True)
-                yield MapRows(
-                    *(
-                        np.frombuffer(blob, dtype).reshape(count, *shape)
-                        for blob, (dtype, shape) in columns
-                    )
-                )
+        """Iterate over every voxel as first seen, many at a time, see ``map_rows``."""
+        expected, num_voxels = 0, self._num_voxels()
+        waiting: list[list[bytes]] = []
+        start = 0
+        for first_id, count, *blobs in self._database.rows("voxels"):
+            size = count if isinstance(count, int) and 0 < count <= num_voxels - expected else 0
+            if first_id != expected or not size or not _are_columns(blobs, size):
+                raise self._database.damaged(f"voxels from {expected:,}")
+            expected += size
+            waiting.append(blobs)
+            if expected - start >= _TOGETHER:
+                yield _joined(waiting)
+                waiting, start = [], expected
 
-        if expected != self._num_voxels():
+        if expected != num_voxels:
             raise self._database.damaged(f"voxels from {expected:,}")
+        if waiting:
+            yield _joined(waiting)
 
     def instance_after(self, scan: int) -> NDArray[np.int32]:
         """Return (V,) int32 object ids as they were after a scan; later voxels have ids too.
@@ -380,30 +407,46 @@ class State:
 
     def first_instance(self) -> NDArray[np.int32]:
         """Return (V,) int32 object ids as each voxel got them at first; a copy."""
-        return self._column("instance").astype(np.int32)
+        parts = [rows.instance for rows in self._first_rows()]
+        return np.concatenate([np.empty(0, np.int32), *parts])
 
     def _num_voxels(self) -> int:
         """Count the voxels that there must be: the last scan knows."""
-        with self._database.explained():
-            found = self._db.execute("SELECT max(num_voxels) FROM scans").fetchone()[0]
-        return int(found or 0)
-
-    def _column(self, name: str) -> NDArray[np.generic]:
-        """Read one number of every voxel as first seen; read-only."""
-        with self._database.explained():
-            rows = self._db.execute(f"SELECT {name} FROM voxels ORDER BY first_id").fetchall()
-        if not all(isinstance(blob, bytes) for (blob,) in rows):
-            raise self._database.damaged(f"{name} of voxels")
-        return np.frombuffer(b"".join(blob for (blob,) in rows), COLUMNS[name][0])
+        return self._sizes[-1].voxels if self._sizes else 0
 
 
-def _checksum(blobs: Sequence[bytes | memoryview]) -> int:
-    """Checksum some blobs as one."""
-    crc = 0
-    for blob in blobs:
-        crc = zlib.crc32(blob, crc)
-    return crc
+class _Sizes(NamedTuple):
+    """How much there must be of a scan, and of all before it."""
+
+    output: int
+    merges: int
+    moves: int
+    changes: int
+    voxels: int
+
+    @classmethod
+    def of(cls, row: _ScanRow) -> Self:
+        """Take them from a row of ``scans``."""
+        return cls(*row[11:15], row[7])
 
 
-def _holes(count: int) -> str:
-    return ", ".join("?" * count)
+def _joined(scans: Sequence[Sequence[bytes]]) -> MapRows:
+    """Make rows of the columns of several scans."""
+    columns = (b"".join(parts) for parts in zip(*scans, strict=True))
+    return MapRows(
+        *(
+            np.frombuffer(column, dtype).reshape(-1, *shape)
+            for column, (dtype, shape) in zip(columns, COLUMNS.values(), strict=True)
+        )
+    )
+
+
+_ROW_BYTES = [np.dtype(dtype).itemsize * int(np.prod(shape)) for dtype, shape in COLUMNS.values()]
+
+
+def _are_columns(blobs: Sequence[Value], count: int) -> TypeGuard[list[bytes]]:
+    """Tell whether blobs are the columns of so many voxels."""
+    for blob, size in zip(blobs, _ROW_BYTES, strict=True):
+        if not isinstance(blob, bytes) or len(blob) != count * size:
+            return False
+    return True

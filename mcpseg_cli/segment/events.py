@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from mcpseg_cli.errors import InputError, naming
-from mcpseg_cli.resumable import write_whole
+from mcpseg_cli.resumable import check_file_name, write_whole
 
 if TYPE_CHECKING:
     from mcpseg_cli.incremental.segmenter import ScanUpdate
@@ -113,14 +116,25 @@ def parse_event(text: str) -> Event:
         raise ValueError(f"no event: {text[:80]}") from error
 
 
-def append_event(path: Path, event: Event, ms: Mapping[str, float] | None) -> None:
+def append_event(
+    path: Path, event: Event, ms: Mapping[str, float] | None, *, is_durable: bool = False
+) -> None:
     """Append an event to events.jsonl, with the times that are known only after the commit.
+
+    Args:
+        path: The file.
+        event: What happened.
+        ms: Milliseconds by stage, where they are known.
+        is_durable: Wait until it is on the disk.
 
     Raises:
         OSError: The disk is full.
     """
     with naming(path), path.open("a") as file:
         file.write(f"{event_text(event, ms)}\n")
+        if is_durable:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def reconcile_events(path: Path, events: Sequence[Event]) -> None:
@@ -148,9 +162,17 @@ def _is_of(line: str, event: Event) -> bool:
     """Tell whether a line is an event's, whatever its times."""
     try:
         facts = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     return isinstance(facts, dict) and facts | {"ms": None} == vars(event) | {"ms": None}
+
+
+class _Line(BaseModel):
+    """What is read of a line; a name is that of a file in the folder of labelled scans."""
+
+    name: Annotated[str, AfterValidator(check_file_name)]
+    skipped: str | None = None
+    ms: dict[str, Annotated[float, Field(ge=0.0, le=1e12)]] | None = None
 
 
 @dataclass(frozen=True)
@@ -181,11 +203,10 @@ def read_events(path: Path) -> list[ScanEvent]:
     events = []
     for number, line in enumerate(path.read_text(errors="replace").split("\n")[:-1], start=1):
         try:
-            entry = json.loads(line)
-            ms = entry.get("ms")
-            total = None if ms is None else float(sum(ms.values()))
-            events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            entry = _Line.model_validate_json(line)
+            total = None if entry.ms is None else sum(entry.ms.values())
+            events.append(ScanEvent(entry.name, entry.skipped is not None, total))
+        except ValidationError as error:
             found = f"line {number:,} that is no event"
             raise InputError(
                 path, found, "lines that mcpseg segment wrote", "run it again to mend the file"

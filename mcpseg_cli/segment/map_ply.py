@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import naming
 from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.resumable import write_whole
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1"),
@@ -35,11 +36,17 @@ _CHUNK = 1 << 16  # vertices compared at a time when reconciling
 class LabelledMap:
     """The whole labelled map as a PLY file that any viewer opens at any moment.
 
+    At every moment the header names no more vertices than the file has: new ones are written before
+    it, and are cut off after it.
+
     Args:
-        path: The file; made if not there.
+        path: The file; made if not there; no link is followed.
         classes: Class names, written into the header.
         offset: What was subtracted from the recording's coordinates, written into the header
             unless it is nothing.
+
+    Raises:
+        OSError: It cannot be written, or is a link.
     """
 
     def __init__(
@@ -48,8 +55,10 @@ class LabelledMap:
         self._path = path
         self._offset_words = " ".join(f"{value:.17g}" for value in offset) if any(offset) else ""
         self._classes = classes
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self._count = 0
+        if not path.exists():  # whole from the first moment on
+            write_whole(path, self._header(0))
+        self._file = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
 
     def __enter__(self) -> LabelledMap:
         return self
@@ -103,6 +112,10 @@ class LabelledMap:
         if os.fstat(self._file).st_size != self._offset(len(rows)):
             os.ftruncate(self._file, self._offset(len(rows)))
         self._count = len(rows)
+
+    def flush(self) -> None:
+        """Wait until the file is on the disk."""
+        os.fsync(self._file)
 
     def _offset(self, vertex: int) -> int:
         return len(self._header(0)) + vertex * _VERTEX.itemsize

@@ -138,6 +138,9 @@ def _write(
 
     # label its points, those too that were out of its range
     read = run.read(scan.source)
+    if read.file.sha256 != scan.read.sha256:
+        found, expected = "changed since the cloud was made of it", "the same file"
+        raise InputError(scan.source.path, found, expected, "run the same command again")
     point_ids = run.segmenter.find_points(read.scan)
     path = run.outputs.labelled_scan(name)
     write_cloud(path, read.cloud.with_labels(run.segmenter.labels(point_ids)))

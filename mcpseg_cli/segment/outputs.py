@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
+import os
+import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path, PurePath
 from types import TracebackType
 
@@ -13,11 +14,14 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.objects import MapObject
-from mcpseg_cli.resumable import remove_leftovers, write_whole
+from mcpseg_cli.incremental.objects import MapObject, objects_text
+from mcpseg_cli.resumable import flush, remove_leftovers, whole_file
 from mcpseg_cli.segment.events import Event, append_event, reconcile_events
 from mcpseg_cli.segment.map_ply import LabelledMap
-from mcpseg_cli.segment.run_record import RunRecord
+from mcpseg_cli.segment.run_record import RunOptions, RunRecord
+from mcpseg_cli.segment.scan_record import ScanRecord
+
+OBJECTS = "objects.json"
 
 
 def labelled_name(name: str, ending: str | None) -> str:
@@ -39,20 +43,15 @@ class Outputs:
     Args:
         folder: The folder, with ``scans/`` in it; no other process may be writing there.
         classes: Class names, for the header of map.ply.
-        scan_format: Ending of the labelled scans, without its dot; None for each scan's own.
-        offset: What was subtracted from the recording's coordinates, for the header of map.ply.
+        options: Format of the labelled scans; what was subtracted from coordinates, for the header
+            of map.ply; whether all that is written is on the disk at once.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        classes: tuple[str, ...],
-        scan_format: str | None,
-        offset: tuple[float, ...] = (),
-    ) -> None:
+    def __init__(self, folder: Path, classes: tuple[str, ...], options: RunOptions) -> None:
         self.folder = folder
-        self._format = scan_format
-        self._map = LabelledMap(folder / "map.ply", classes, offset)
+        self._format = options.format
+        self._is_durable = options.durable
+        self._map = LabelledMap(folder / "map.ply", classes, options.taken.offset)
 
     def __enter__(self) -> Outputs:
         return self
@@ -80,6 +79,11 @@ class Outputs:
             remove_leftovers(folder)
         self._map.reconcile(rows)
         reconcile_events(self.folder / "events.jsonl", events)
+        if self._is_durable:
+            (self.folder / "events.jsonl").touch()
+            for path in (self.folder / "events.jsonl", self.folder / "scans", self.folder):
+                flush(path)
+            self._map.flush()
 
     def labelled_scan(self, name: str) -> Path:
         """Return where the labelled copy of a scan goes."""
@@ -87,18 +91,45 @@ class Outputs:
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
+    def has_labelled(self, record: ScanRecord) -> bool:
+        """Tell whether the labelled copy of a scan is there, of its size; no link is followed."""
+        path = f"{self.folder}/scans/{labelled_name(record.name, self._format)}"
+        try:
+            status = os.lstat(path)
+        except FileNotFoundError:
+            return False
+        return stat.S_ISREG(status.st_mode) and status.st_size == record.output_size
+
     def update_map(self, rows: MapRows, changed: NDArray[np.int32]) -> None:
         """Bring map.ply up to date, see ``LabelledMap.update``."""
         self._map.update(rows, changed)
+        if self._is_durable:
+            self._map.flush()
 
     def append_event(self, event: Event, ms: Mapping[str, float] | None) -> None:
         """Append a line to events.jsonl, see ``events.append_event``."""
-        append_event(self.folder / "events.jsonl", event, ms)
+        append_event(self.folder / "events.jsonl", event, ms, is_durable=self._is_durable)
 
-    def write_objects(self, objects: Sequence[MapObject]) -> None:
-        """Write objects.json."""
-        text = json.dumps([asdict(item) for item in objects], indent=1) + "\n"
-        write_whole(self.folder / "objects.json", text)
+    def write_objects(self, objects: Sequence[MapObject]) -> str:
+        """Write objects.json, object by object; return its SHA-256."""
+        digest = hashlib.sha256()
+        with (
+            whole_file(self.folder / OBJECTS, is_durable=self._is_durable) as partial,
+            partial.open("wb") as file,
+        ):
+            for text in objects_text(objects):
+                data = text.encode()
+                digest.update(data)
+                file.write(data)
+        return digest.hexdigest()
+
+    def hash_of_objects(self) -> str | None:
+        """Return the SHA-256 of objects.json as it is; None where there is none."""
+        path = self.folder / OBJECTS
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
     def write_record(self, record: RunRecord) -> None:
         """Write run.json."""

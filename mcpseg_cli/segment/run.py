@@ -13,6 +13,7 @@ from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats import Cloud, whole_cloud, write_cloud
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.recording import ScanSource, read_scan
+from mcpseg_cli.formats.scan_files import ScanFile
 from mcpseg_cli.formats.scan_source import pose_of
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.regrouping import Moves
@@ -21,12 +22,13 @@ from mcpseg_cli.resumable import check_same
 from mcpseg_cli.scan import Scan
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import LabelledEvent
-from mcpseg_cli.segment.folder import prepare_folder
+from mcpseg_cli.segment.folder import held_folder
 from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
-from mcpseg_cli.segment.outputs import Outputs
+from mcpseg_cli.segment.outputs import OBJECTS, Outputs
 from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
 from mcpseg_cli.segment.scan_record import ScanRecord, check_consumed, skipped_scan
+from mcpseg_cli.segment.settled_file import read_settled
 
 _DECISIVE = ("method", "offline", "weights")  # other differences follow from these
 _REMEDY = "go back to it, choose another -o, or start again with --overwrite"
@@ -109,9 +111,10 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self.options = options
-        prepare_folder(output, recording, overwrite=overwrite)
         with ExitStack() as opened:
-            self._state = opened.enter_context(State(output / "state.sqlite"))
+            opened.enter_context(held_folder(output, recording, overwrite=overwrite))
+            state = State(output / "state.sqlite", is_durable=options.durable)
+            self._state = opened.enter_context(state)
             self._open(recording, opened)
             self._open_files = opened.pop_all()
 
@@ -130,9 +133,9 @@ class SegmentRun:
         self._restore()
 
         # the outputs may be behind or ahead after a kill
-        classes, scan_format = self.segmenter.classes, self.options.format
-        outputs = Outputs(self.output, classes, scan_format, self.options.taken.offset)
-        self.outputs = opened.enter_context(outputs)
+        self.outputs = opened.enter_context(
+            Outputs(self.output, self.segmenter.classes, self.options)
+        )
         self.outputs.reconcile(self.segmenter.rows(), [record.event for record in self.records])
         self._write_lost_scans(recording)
         self.outputs.write_record(RunRecord.of(self.segmenter, self.options))
@@ -177,8 +180,11 @@ class SegmentRun:
             InputError: It is damaged.
             OSError: It cannot be read.
         """
-        file = source.fingerprint()
-        return ReadScan(source, file, *self._read_points(source))
+        if isinstance(source, ScanFile):
+            file, points = read_settled(source.path, lambda: self._read_points(source))
+        else:  # a part of a container, whose fingerprint is of its own content
+            file, points = source.fingerprint(), self._read_points(source)
+        return ReadScan(source, file, *points)
 
     def _read_points(self, source: ScanSource) -> tuple[Scan, Cloud]:
         return read_scan(source, self.options.taken, self.segmenter.settings.voxel_size)
@@ -191,12 +197,16 @@ class SegmentRun:
     def write_objects(self) -> None:
         """Write objects.json from the map as it is now, unless that is ahead of the checkpoint.
 
-        So it is after a failed commit.
+        So it is after a failed commit. A file that shows this map already stays.
         """
         num_used = sum(record.error is None for record in self.records)
         num_voxels = self.records[-1].num_voxels if self.records else 0
-        if (self.segmenter.num_scans, len(self.segmenter.map)) == (num_used, num_voxels):
-            self.outputs.write_objects(self.segmenter.objects())
+        if (self.segmenter.num_scans, len(self.segmenter.map)) != (num_used, num_voxels):
+            return
+        before = self._state.written(OBJECTS)
+        if before is None or before != self.outputs.hash_of_objects():
+            sha256 = self.outputs.write_objects(self.segmenter.objects())
+            self._state.set_written(OBJECTS, sha256)
 
     def label(self, read: ReadScan, started: float) -> ScanReport:
         """Label a scan, commit it, then bring the outputs up to date.
@@ -218,7 +228,8 @@ class SegmentRun:
         # what cannot be written is not committed; what is committed can be written again
         before = perf_counter()
         labelled = read.cloud.with_labels(labels)
-        with whole_cloud(self.outputs.labelled_scan(name), labelled) as partial:
+        path, durable = self.outputs.labelled_scan(name), self.options.durable
+        with whole_cloud(path, labelled, is_durable=durable) as partial:
             written = perf_counter()
             record = ScanRecord(
                 name, read.file, pose_of(read.source), num_points, len(self.segmenter.map),
@@ -289,10 +300,9 @@ class SegmentRun:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
         for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
-            path = self.outputs.labelled_scan(record.name)
-            is_there = path.is_file() and path.stat().st_size == record.output_size
-            if record.error is not None or is_there:
+            if record.error is not None or self.outputs.has_labelled(record):
                 continue
+            path = self.outputs.labelled_scan(record.name)
             scan, cloud = self._read_points(source)
             past = past or PastLabels(self._state, self.segmenter.classes)
             labels = past.after(number, self.segmenter.find_points(scan))

@@ -9,10 +9,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    JsonValue,
+    ValidationError,
+    field_validator,
+)
 
 from mcpseg_cli import __version__
 from mcpseg_cli.choices import ColourUnit, Frame, OnError, Precision, ScanFormat, UpAxis
+from mcpseg_cli.classes import TABLE_EXPECTED, table_problem
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.intake import Intake
@@ -39,6 +47,7 @@ class RunOptions:
         topic: The topic of a bag that was chosen.
         pairing: How scans and poses were paired, for the record.
         intake: How coordinates and colours are taken; None: as they are, in ``frame``.
+        durable: Whether every scan that is told of survives a power cut, too.
     """
 
     frame: Frame = "map"
@@ -50,6 +59,7 @@ class RunOptions:
     topic: str | None = None
     pairing: Mapping[str, JsonValue] = field(default_factory=dict)
     intake: Intake | None = None
+    durable: bool = False
 
     @property
     def taken(self) -> Intake:
@@ -80,7 +90,7 @@ class RunConfiguration(SegmentSettings):
     model_config = ConfigDict(extra="ignore")
 
     frame: Frame = "map"
-    format: str | None = None
+    format: ScanFormat | None = None
     precision: Precision = "fp32"
     device: str = "cpu"
     weights: str | None = None
@@ -143,6 +153,14 @@ class RunRecord(BaseModel):
     weights: dict[str, JsonValue] | None = None
     classes: tuple[str, ...]
 
+    @field_validator("classes")
+    @classmethod
+    def _check_classes(cls, classes: tuple[str, ...]) -> tuple[str, ...]:
+        """Refuse names that would break the headers of clouds."""
+        if problem := table_problem(classes):
+            raise ValueError(f"{problem}; expected {TABLE_EXPECTED}")
+        return classes
+
     @classmethod
     def of(cls, segmenter: IncrementalSegmenter, options: RunOptions) -> Self:
         """Describe a run."""
@@ -177,15 +195,15 @@ class RunRecord(BaseModel):
         path, expected = folder / _NAME, "the description of the run"
         remedy = "run 'mcpseg segment' on this folder again, which writes it"
         try:
-            return cls.model_validate(json.loads(path.read_text(encoding="utf-8")))
+            return cls.model_validate_json(path.read_bytes())
         except FileNotFoundError as error:
             raise InputError(path, "not there", expected, remedy) from error
         except ValidationError as error:
-            problem = error.errors()[0]
+            problem = error.errors(include_url=False)[0]
+            if problem["type"] == "json_invalid":
+                raise InputError(path, "not JSON", expected, remedy) from error
             place = ".".join(map(str, problem["loc"])) or "all of it"
             raise InputError(path, f"{place}: {problem['msg']}", expected, remedy) from error
-        except (ValueError, RecursionError) as error:
-            raise InputError(path, "not JSON", expected, remedy) from error
 
     def write(self, folder: Path) -> None:
         """Write the record into the folder of the run.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.scan_source import ScanSource, pose_of
+from mcpseg_cli.resumable import printable
 from mcpseg_cli.segment.events import Event, SkippedEvent
 
 NOT_READ = Fingerprint(0, 0, "")
@@ -65,7 +66,7 @@ def skipped_scan(
         num_voxels: Voxels in the map, which it leaves as it is.
         floor: Height of the floor, which it leaves as it is.
     """
-    name, reason = source.name, str(error)
+    name, reason = source.name, printable(str(error))
     event = SkippedEvent(number, name, reason)
     pose = np.full((4, 4), np.nan) if source.pose is None else source.pose
     return ScanRecord(name, NOT_READ, pose, 0, num_voxels, floor, reason, event, 0)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final, Literal
 
-from pydantic import BaseModel, ConfigDict, JsonValue, ValidationError
+import torch
+from pydantic import BaseModel, ConfigDict, JsonValue
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
+from torch import Tensor
 
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
 from mcpseg_cli.errors import StateError
@@ -15,7 +19,8 @@ from mcpseg_cli.resumable import check_same, write_whole
 from mcpseg_cli.train.progress import EpochReport, TrainState
 
 _METADATA = "mcpseg-checkpoint"
-_FORMAT = 1
+_CHECKSUM = "crc32"
+_FORMAT: Final = 2
 
 _TABLES: dict[str, type[BaseModel]] = {
     "windows": WindowSettings,
@@ -53,7 +58,7 @@ class _Description(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: int
+    format: Literal[2] = _FORMAT
     identity: dict[str, JsonValue]
     step: int
     curves: tuple[EpochReport, ...]
@@ -84,13 +89,13 @@ def write_checkpoint(path: Path, state: TrainState, identity: Mapping[str, JsonV
         for name, tensor in group.items()
     }
     description = _Description(
-        format=_FORMAT,
         identity=dict(identity),
         step=state.step,
         curves=state.curves,
         best=state.best,
     )
-    data = save(tensors, {_METADATA: description.model_dump_json()})
+    text = description.model_dump_json()
+    data = save(tensors, {_METADATA: text, _CHECKSUM: str(_checksum(text, tensors))})
     write_whole(path, data, is_durable=True)
 
 
@@ -107,11 +112,13 @@ def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState
     """
     try:
         with safe_open(path, framework="pt") as file:
-            description = _Description.model_validate_json(
-                (file.metadata() or {}).get(_METADATA, "")
-            )
+            metadata = file.metadata() or {}
+            text = metadata.get(_METADATA, "")
+            description = _Description.model_validate_json(text)
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, ValidationError) as error:
+        if metadata.get(_CHECKSUM) != str(_checksum(text, tensors)):
+            raise ValueError("content that differs from its checksum")
+    except (SafetensorError, ValueError, TypeError) as error:
         raise StateError(
             f"{path}: not a checkpoint of this version, or damaged; "
             "expected one that was not finished; give --overwrite to start anew"
@@ -131,6 +138,16 @@ def read_checkpoint(path: Path, identity: Mapping[str, JsonValue]) -> TrainState
         description.step, description.curves, description.best,
         groups[_NETWORK], groups[_BEST], groups[_OPTIMISER], tensors[_SUMS],
     )  # fmt: skip
+
+
+def _checksum(text: str, tensors: Mapping[str, Tensor]) -> int:
+    """Return the CRC-32 of a description, and of name, type, shape and values of every tensor."""
+    checksum = zlib.crc32(text.encode())
+    for name, tensor in sorted(tensors.items()):
+        head = f"{name} {tensor.dtype} {tuple(tensor.shape)}"
+        values = tensor.contiguous().reshape(-1).view(torch.uint8).numpy()
+        checksum = zlib.crc32(values.data, zlib.crc32(head.encode(), checksum))
+    return checksum
 
 
 def check_identity(

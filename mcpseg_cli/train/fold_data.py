@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from mcpseg_cli.config import AugmentSettings, SampleSettings, TrainSettings, WindowSettings
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.networks.weights import NETWORKS
 from mcpseg_cli.train.batches import BatchSource
 from mcpseg_cli.train.class_table import trained_classes, trained_names
@@ -83,9 +84,17 @@ def prepare(
         settings.cache.mkdir(parents=True, exist_ok=True)
     for area in areas:
         file = None if settings.cache is None else _cache_file(area, settings.cache)
-        prepared[area] = prepare_samples(
-            area.folder, settings.samples, file, partial(progress, area.name)
-        )
+        try:
+            prepared[area] = prepare_samples(
+                area.folder, settings.samples, file, partial(progress, area.name)
+            )
+        except OSError as error:
+            if file is not None or error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
+                raise
+            raise OutputError(
+                f"{error.filename or area.folder}: {error.strerror}; expected to write the area's "
+                "samples beside it; name a folder for them with --cache"
+            ) from error
     return prepared
 
 

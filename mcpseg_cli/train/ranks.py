@@ -7,6 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, distributed, nn
 
+from mcpseg_cli.errors import TrainingError
+
+_LOST = "gloo"  # in the words of what connects processes without NCCL
+
 
 @dataclass(frozen=True)
 class Ranks:
@@ -54,7 +58,11 @@ class Ranks:
 
 @contextmanager
 def joined(ranks: Ranks, device: torch.device) -> Iterator[None]:
-    """Connect the processes while the context lasts; torchrun's environment says how."""
+    """Connect the processes while the context lasts; torchrun's environment says how.
+
+    Raises:
+        TrainingError: Another process has failed.
+    """
     if ranks.world == 1:
         yield
         return
@@ -64,5 +72,12 @@ def joined(ranks: Ranks, device: torch.device) -> Iterator[None]:
     distributed.init_process_group(backend, rank=ranks.rank, world_size=ranks.world)
     try:
         yield
+    except RuntimeError as error:
+        if not isinstance(error, distributed.DistError) and _LOST not in str(error).lower():
+            raise
+        raise TrainingError(
+            f"process {ranks.rank} of {ranks.world}: another process has ended; expected all to go "
+            "on; see what that one says, then run the same command with --resume"
+        ) from error
     finally:
         distributed.destroy_process_group()

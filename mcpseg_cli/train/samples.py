@@ -20,6 +20,7 @@ from mcpseg_cli.incremental.column import ScalarT
 from mcpseg_cli.train.replay import Replay, ScanSamples, list_scans
 
 _FORMAT = "mcpseg samples 1"
+_FACTS = "facts_crc32"
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _BLOCK = 1 << 15  # samples kept in memory before they are written: 7 MB
 _CHUNK_BYTES = 1 << 16
@@ -167,7 +168,7 @@ def prepare_samples(
         progress: Called after each scan that is replayed.
 
     Raises:
-        InputError: The area is not complete or damaged.
+        InputError: The area is not complete, damaged, or changes meanwhile.
         OutputError: ``cache`` is a file of something else.
         OSError: The disk is full or the folder not writable; nothing is left behind.
     """
@@ -194,7 +195,11 @@ def prepare_samples(
             }
             for name, fact in facts.items():
                 file.attrs[name] = np.bytes_(fact.encode(errors="replace"))
+            file.attrs[_FACTS] = _checksum_of_facts(file)
         stream.check()
+        if area_fingerprint(area, settings) != fingerprint:
+            found, expected = "changed while its samples were prepared", "an area at rest"
+            raise InputError(area, found, expected, "run the same command again")
     return AreaSamples(path)
 
 
@@ -314,6 +319,8 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
                 )
             if file.attrs["fingerprint"] != fingerprint.encode():
                 return False
+            if file.attrs[_FACTS] != _checksum_of_facts(file):
+                return False
             checksums = json.loads(file.attrs["crc32"])
             streams = _STREAMS if "voxel" in file else _STREAMS[-1:]
             return all(
@@ -321,6 +328,12 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
             )
     except _DAMAGE:
         return False
+
+
+def _checksum_of_facts(file: h5py.File) -> int:
+    """Return the CRC-32 of everything that the file says beside its tables."""
+    names = sorted(name for name in file.attrs if name != _FACTS)
+    return zlib.crc32(repr([(name, bytes(file.attrs[name])) for name in names]).encode())
 
 
 def _checksum(dataset: h5py.Dataset) -> int:

@@ -58,7 +58,7 @@ def read_settings(path: Path) -> SettingsFile:
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(path, str(error), "TOML", "see 'mcpseg train --help'") from error
     try:
         file = SettingsFile.model_validate(document, strict=True)

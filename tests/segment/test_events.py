@@ -16,7 +16,7 @@ from mcpseg_cli.segment.events import (
     reconcile_events,
 )
 
-SKIPPED = SkippedEvent(1, "000001\udcff.ply", "it is damaged")
+SKIPPED = SkippedEvent(1, "000001ü.ply", "it is damaged")
 
 
 @pytest.fixture

@@ -78,7 +78,7 @@ def test_a_run_that_is_being_written_is_read_without_touching_it(labelled_run, t
     shutil.copytree(labelled_run.out, out)
     with State(out / "state.sqlite") as state:  # holds the lock, as segment does
         # what is new lies in the log only
-        state._db.execute("UPDATE configuration SET value = '\"later\"' WHERE key = 'frame'")
+        state.set_configuration({**state.configuration(), "frame": "later"})
         before = contents(out)
         assert before["state.sqlite-wal"][0]
 
@@ -100,13 +100,13 @@ def test_a_log_that_starts_again_meanwhile_is_copied_again(labelled_run, tmp_pat
             target.write_bytes(source.read_bytes())
             # between the database and its log
             if len(copied) == 1:
-                state._db.execute("DELETE FROM configuration WHERE key = 'seed'")
-                state._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-                state._db.execute("DELETE FROM configuration WHERE key = 'floor'")
+                state.set_configuration({"first": 1})
+                state._database.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                state.set_configuration({"second": 2})
 
         monkeypatch.setattr(module.shutil, "copyfile", copy_and_write)
         with LabelledRun(out) as run:
-            assert not {"seed", "floor"} & run.settings.keys()
+            assert run.settings == {"second": 2}
     assert copied.count("state.sqlite") == 2
 
 

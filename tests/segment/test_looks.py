@@ -17,6 +17,7 @@ from mcpseg_cli.incremental.evidence import BLOCK, Evidence, Look
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.database import row_checksum
 from mcpseg_cli.segment.labelled_run import LabelledRun
 from mcpseg_cli.segment.map_changes import LabelChanges
 from mcpseg_cli.segment.past_labels import PastLabels
@@ -169,12 +170,12 @@ def test_another_labelling_is_refused_on_resume(looked, tmp_path):
         "DELETE FROM evidence WHERE block = 0",
         "DELETE FROM evidence WHERE block = (SELECT max(block) FROM evidence)",
         "UPDATE evidence SET rows = randomblob(length(rows)) WHERE block = 1",
-        "UPDATE evidence SET rows = 'text' WHERE block = 1",
-        "INSERT INTO evidence SELECT block + 1000, rows, crc FROM evidence WHERE block = 0",
+        "INSERT INTO evidence SELECT block + 1000, rows, checksum FROM evidence WHERE block = 0",
         "DELETE FROM changes",
         "DELETE FROM changes WHERE scan = 2",
         "UPDATE changes SET labels = randomblob(length(labels))",
-        "UPDATE changes SET labels = x'78', crc = 0x8cdc1683",
+        f"UPDATE changes SET labels = x'78', checksum = {row_checksum('changes', (1, b'x'))} "
+        "WHERE scan = 1",
         "UPDATE scans SET num_changes = num_changes + 1 WHERE number = 2",
     ],
 )
@@ -211,7 +212,7 @@ def test_first_looks_leave_neither_evidence_nor_changes(labelled_run, tmp_path):
     database.close()
 
 
-@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_a_checkpoint_of_an_older_version_is_refused_with_what_to_do(
     version, labelled_run, tmp_path, short_recording, weights_path
 ):
@@ -219,7 +220,7 @@ def test_a_checkpoint_of_an_older_version_is_refused_with_what_to_do(
     with sqlite3.connect(tmp_path / "out/state.sqlite") as database:
         database.execute(f"PRAGMA user_version = {version}")
     database.close()
-    expected = f"version {version}; expected version 3; use the mcpseg it was made with"
+    expected = f"version {version}; expected version 4; use the mcpseg it was made with"
     with pytest.raises(StateError, match=expected):
         run_all(short_recording, tmp_path / "out", weights_path)
     with pytest.raises(StateError, match=expected), LabelledRun(tmp_path / "out"):

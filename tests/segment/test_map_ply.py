@@ -1,10 +1,15 @@
 """map.ply: a valid PLY at every moment, changed in place."""
 
+import os
+import re
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.segment.map_ply import LabelledMap
@@ -102,3 +107,61 @@ def test_the_map_of_no_voxels_is_a_ply_of_no_vertices(tmp_path):
     with LabelledMap(tmp_path / "map.ply", CLASSES) as labelled:
         labelled.reconcile(rows_of(0))
     assert b"element vertex 0\n" in (tmp_path / "map.ply").read_bytes()
+
+
+def test_at_any_moment_of_an_update_the_header_names_no_more_vertices_than_there_are(
+    tmp_path, monkeypatch
+):
+    path, write, found = tmp_path / "map.ply", os.pwrite, []
+
+    def look() -> None:
+        data = path.read_bytes()
+        end = data.index(b"end_header\n") + len(b"end_header\n")
+        promised = int(re.search(rb"element vertex (\d+)", data)[1])
+        found.append((promised, (len(data) - end) // 24))
+
+    def write_in_parts(file, data, offset):
+        whole = bytes(data) if offset == 0 else bytes(data[: max(1, len(data) // 3)])
+        written = write(file, whole, offset)
+        look()
+        return written
+
+    monkeypatch.setattr(os, "pwrite", write_in_parts)
+    nobody = np.empty(0, np.int32)
+    for before, sizes in ((0, [5, 9, 10, 12]), (7, [7, 8]), (0, [3])):  # grows, is cut back
+        with LabelledMap(path, ("a", "b")) as labelled_map:
+            look()
+            labelled_map.reconcile(rows_of(before))
+            for size in sizes:
+                labelled_map.update(rows_of(size), nobody)
+                look()
+    assert all(promised <= there for promised, there in found)
+    assert found[-1] == (3, 3)
+
+
+def test_a_map_read_between_its_new_vertices_and_its_header_is_read_again(tmp_path, monkeypatch):
+    path, nobody, moments = tmp_path / "map.ply", np.empty(0, np.int32), []
+    write = os.pwrite
+
+    def keep_moments(file, data, offset):
+        written = write(file, data, offset)
+        moments.append(path.read_bytes())
+        return written
+
+    with LabelledMap(path, CLASSES) as labelled:
+        labelled.update(rows_of(5), nobody)
+        monkeypatch.setattr(os, "pwrite", keep_moments)
+        labelled.update(rows_of(9), nobody)
+    assert len(moments) == 2
+
+    waiting = iter(moments)
+    monkeypatch.setattr(Path, "read_bytes", lambda self: next(waiting))
+    assert len(read_cloud(path)) == 9
+
+    # one that stays so is refused, at once if it is old
+    path.write_bytes(moments[0])
+    monkeypatch.setattr(Path, "read_bytes", lambda self: moments[0])
+    for age_s in (0, 3600):
+        os.utime(path, (time.time() - age_s, time.time() - age_s))
+        with pytest.raises(InputError, match="5 vertices promised, 9 found"):
+            read_cloud(path)

@@ -119,6 +119,28 @@ def test_objects_json_counts_every_voxel_once(recording, tmp_path, weights_path)
     assert len(objects) == run.segmenter.clusters.num_objects
 
 
+def test_objects_json_is_not_written_again_when_nothing_changed_and_is_when_it_did(
+    recording, tmp_path, weights_path
+):
+    run_all(recording, tmp_path / "out", weights_path, stop_after=3)
+    path = tmp_path / "out/objects.json"
+    before, status = path.read_bytes(), path.stat()
+    assert json.dumps(json.loads(before), indent=1).encode() + b"\n" == before
+
+    # a scan more; nothing new; changed by hand
+    run = run_all(recording, tmp_path / "out", weights_path, stop_after=1)
+    assert len(run.records) == 4
+    assert (path.stat().st_ino, path.read_bytes()) != (status.st_ino, before)
+    whole = run_all(recording, tmp_path / "out", weights_path)
+    status = path.stat()
+    assert run_all(recording, tmp_path / "out", weights_path).pending == []
+    assert path.stat().st_ino == status.st_ino
+    path.write_text(path.read_text().replace("0.", "1."))
+    run_all(recording, tmp_path / "out", weights_path)
+    assert len(json.loads(path.read_text())) == whole.segmenter.clusters.num_objects
+    assert path.stat().st_ino != status.st_ino
+
+
 def test_events_tell_counts_merges_and_times_of_every_scan(recording, tmp_path, weights_path):
     run = run_all(recording, tmp_path / "out", weights_path)
     events = events_of(tmp_path / "out")
@@ -275,7 +297,7 @@ def test_a_second_writer_is_refused_while_the_first_runs(recording, tmp_path, we
     sources = open_recording(*recording)
     with SegmentRun(sources, tmp_path / "out", IncrementalSegmenter(weights), RunOptions()) as run:
         next(iter(run.run()))
-        with pytest.raises(StateError, match="in use by another mcpseg"):
+        with pytest.raises(StateError, match="another mcpseg is writing there"):
             SegmentRun(sources, tmp_path / "out", IncrementalSegmenter(weights), RunOptions())
         with pytest.raises(StateError, match="in use"):
             clear_run(tmp_path / "out", sources)
@@ -323,10 +345,10 @@ def test_an_output_folder_that_would_mix_results_with_the_scans_is_refused(
 def test_clearing_a_run_leaves_other_files_alone(recording, tmp_path, weights_path):
     run_all(recording, tmp_path / "out", weights_path)
     (tmp_path / "out/notes.txt").write_text("keep")
-    (tmp_path / "out/scans/mine.ply").write_text("keep")
+    (tmp_path / "out/scans/notes.txt").write_text("keep")
     clear_run(tmp_path / "out", [])
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["notes.txt", "scans"]
-    assert [path.name for path in (tmp_path / "out/scans").iterdir()] == ["mine.ply"]
+    assert [path.name for path in (tmp_path / "out/scans").iterdir()] == ["notes.txt"]
 
 
 def test_scans_of_another_data_set_under_the_same_names_are_never_touched(
@@ -471,11 +493,14 @@ def test_a_cut_labelled_scan_is_written_again(recording, tmp_path, weights_path)
         "DELETE FROM scans WHERE number = 1",
         "DELETE FROM configuration",
         "DELETE FROM voxels WHERE first_id > 0",
-        "UPDATE configuration SET value = '{' WHERE key = 'seed'",
+        "UPDATE configuration SET settings = '{'",
+        "UPDATE scans SET error = '' WHERE number = 1",
+        "UPDATE scans SET num_voxels = num_voxels + 1 WHERE number = 1",
+        "UPDATE scans SET floor = floor + 1e-9 WHERE number = 1",
         "UPDATE scans SET pose = x'00' WHERE number = 1",
         "UPDATE scans SET event = '{}' WHERE number = 1",
         "UPDATE scans SET event = substr(event, 2)",
-        "UPDATE voxels SET rgb = 'abc' WHERE first_id = 0",
+        "UPDATE voxels SET rgb = x'616263' WHERE first_id = 0",
         "UPDATE voxels SET count = count - 1 WHERE first_id = 0",
         "UPDATE voxels SET instance = zeroblob(length(instance)) WHERE first_id = 0",
         "UPDATE voxels SET xyz = randomblob(length(xyz)) WHERE first_id = 0",

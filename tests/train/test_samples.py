@@ -212,6 +212,23 @@ def test_a_cut_or_changed_file_is_made_again(area, tmp_path):
             assert_same(prepare_samples(area, SETTINGS, path), whole)
 
 
+def test_a_file_in_which_a_class_has_another_name_is_made_again(area, tmp_path):
+    path = tmp_path / "samples.h5"
+    whole = prepare_samples(area, SETTINGS, path).classes
+    with h5py.File(path, "r+") as file:
+        text = file.attrs["classes"].decode()
+        file.attrs["classes"] = np.bytes_(text.replace(whole[0], whole[0][::-1]).encode())
+    assert prepare_samples(area, SETTINGS, path).classes == whole
+
+
+def test_an_area_that_changes_while_it_is_prepared_is_refused(area, tmp_path):
+    def touch(done, total):
+        (area / "poses.csv").write_text((area / "poses.csv").read_text() + "\n")
+
+    with pytest.raises(InputError, match="changed while its samples were prepared"):
+        prepare_samples(area, SETTINGS, tmp_path / "samples.h5", touch)
+
+
 @pytest.mark.parametrize("content", [b"ply\n", b"my thesis"])
 def test_a_file_of_something_else_is_not_replaced(area, tmp_path, content):
     (tmp_path / "a.h5").write_bytes(content)

@@ -409,6 +409,20 @@ def test_a_damaged_checkpoint_is_refused_in_one_line(damage, tmp_path):
         read_checkpoint(path, {})
 
 
+def test_a_flipped_bit_anywhere_in_a_checkpoint_is_refused(tmp_path):
+    path, rng = tmp_path / "a.checkpoint", np.random.default_rng(0)
+    write_checkpoint(path, make_trainer().state(), {"classes": ["a"]})
+    data = path.read_bytes()
+    header = 8 + int.from_bytes(data[:8], "little")
+    places = [*rng.integers(8, header, 40), *rng.integers(header, len(data), 40)]
+    for place in places:
+        changed = bytearray(data)
+        changed[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(changed)
+        with pytest.raises(StateError):
+            read_checkpoint(path, {"classes": ["a"]})
+
+
 def test_a_full_disk_leaves_the_checkpoint_before(tmp_path, monkeypatch):
     path = tmp_path / "a.checkpoint"
     trainer = make_trainer()
