@@ -277,7 +277,7 @@ def test_a_bad_second_scan_ends_in_one_line_and_keeps_the_first(case: Case, name
 
 def remove_scans(case: Case) -> None:
     for path in case.scans.iterdir():
-        path.rename(path.with_suffix(".xyz"))
+        path.rename(path.with_suffix(".obj"))
 
 
 def double_scan(case: Case) -> None:
@@ -516,7 +516,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
 ):
     said = "cannot cache function 'f': no locator available for file 'f.py'"
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise RuntimeError(said)
 
     monkeypatch.setattr("mcpseg_cli.formats.recording.open_recording", refuse)
