@@ -276,7 +276,7 @@ def test_a_bad_second_scan_ends_in_one_line_and_keeps_the_first(case: Case, name
 
 def remove_scans(case: Case) -> None:
     for path in case.scans.iterdir():
-        path.rename(path.with_suffix(".xyz"))
+        path.rename(path.with_suffix(".obj"))
 
 
 def double_scan(case: Case) -> None:
