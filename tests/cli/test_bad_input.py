@@ -341,7 +341,7 @@ BAD_RUNS: dict[str, tuple[Callable[[Case], object], str, str]] = {
     "NaN pose": (
         lambda c: c.poses_text(TUM, TUM, TUM.replace("2", "nan"), TUM),
         "poses.csv",
-        "'nan' in line 3, column 3",
+        "no pose for scan 000002.ply: nan in line 3",
     ),
     "zero quaternion": (
         lambda c: c.poses_text(TUM, TUM[:-1] + "0", TUM, TUM),
@@ -354,7 +354,7 @@ BAD_RUNS: dict[str, tuple[Callable[[Case], object], str, str]] = {
         "columns x, y, z, yaw",
     ),
     "duplicate scan rows": (
-        lambda c: c.poses_text("scan,x,y,z", "000000,0,0,0", "000000,0,0,0"),
+        lambda c: c.poses_text("scan,x,y,z", "000000,0,0,0", "000000,0,0,1"),
         "poses.csv",
         "scan 000000 appears 2 times",
     ),

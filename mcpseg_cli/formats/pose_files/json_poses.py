@@ -97,8 +97,8 @@ def _read_frames(path: Path, frames: object, told: str) -> Poses:
     if not isinstance(frames, list) or not frames:
         raise InputError(path, "JSON without poses", _EXPECTED, "give the pose file")
     squares = [_square(frame) for frame in frames]
-    if any(square is None for square in squares):
-        number = squares.index(None)
+    number = next((n for n, square in enumerate(squares) if square is None), None)
+    if number is not None:
         raise InputError(path, f"no 4 x 4 matrix in frame {number}", _EXPECTED, "export it again")
     rows = np.array([square for square in squares if square is not None])
     lost: Lost = {row: f"no numbers in frame {row}" for row in _not_finite(rows)}

@@ -234,7 +234,7 @@ def check_complete(path: Path, columns: Columns) -> None:
     quaternion = [name for name in QUATERNION if name in columns.places]
     angles = [name for name in ANGLES if name in columns.places]
     has_base = columns.has(POSITION) or columns.has(MATRIX)
-    if has_base and not columns.twice and len(quaternion) in (0, 4) and len(angles) != 2:
+    if has_base and not columns.twice and len(quaternion) in (0, 4) and len(angles) in (0, 3):
         return
     found = f"columns {', '.join(columns.words)[:160]}"
     if has_base and len(quaternion) == 3 and "qw" not in quaternion:

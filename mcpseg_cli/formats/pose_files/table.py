@@ -237,6 +237,8 @@ def _numbers(rows: _Rows, places: list[int]) -> tuple[NDArray[np.float64], Lost]
 
 def _without_repetition(path: Path, poses: Poses) -> Poses:
     """Drop rows that say the same again; a scan has one row."""
+    if poses.stamps is not None and len(poses) > 1 and len(np.unique(poses.stamps)) == 1:
+        poses = replace(poses, stamps=None)  # what is the same everywhere is no time
     if poses.scans is None and poses.stamps is None and poses.ids is None:
         return poses
     seen: dict[tuple[object, ...], int] = {}
