@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Placement = Literal["as they are", "by the poses", "by the inverse poses"]
+Placement = Literal["as they are", "by the poses", "by the inverse poses", "by camera poses"]
 """How scans may be brought together."""
 
+_CAMERA = np.array(  # from a lidar (x forwards, z up) to a camera (z forwards, y down)
+    [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+_PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
 _CELLS = 40  # within the usual range: how evenly, and how finely, scans are compared
 _SPARSE = 4.0  # cells: the sparsest that points may lie and yet coincide
 _FEWEST = 0.3  # of a scan's points: fewer within the other's bounds count as if they were as many
@@ -38,7 +42,7 @@ class Coincidence:
 
     @property
     def best(self) -> Placement | None:
-        """The placement that is clearly better than both others; None where none is."""
+        """The placement that is clearly better than the others; None where none is."""
         if not self.num_pairs:
             return None
         ordered = sorted(self.shares, key=lambda name: -self.shares[name])
@@ -61,9 +65,9 @@ def compare_scans(
     found: list[dict[Placement, float]] = []
     for first, second in _pairs(scans, poses):
         found.append(_compare(scans[first], scans[second], poses[first], poses[second]))
-    names: tuple[Placement, ...] = ("as they are", "by the poses", "by the inverse poses")
     shares = {
-        name: float(np.mean([pair[name] for pair in found])) if found else 0.0 for name in names
+        name: float(np.mean([pair[name] for pair in found])) if found else 0.0
+        for name in _PLACEMENTS
     }
     return Coincidence(shares, len(found))
 
@@ -110,6 +114,7 @@ def _compare(
         "as they are": np.eye(4),
         "by the poses": np.linalg.inv(pose_first) @ pose_second,
         "by the inverse poses": pose_first @ np.linalg.inv(pose_second),
+        "by camera poses": np.linalg.inv(pose_first @ _CAMERA) @ pose_second @ _CAMERA,
     }
     shares: dict[Placement, float] = {}
     for name, move in moves.items():

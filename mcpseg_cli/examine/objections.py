@@ -39,6 +39,11 @@ def objections(
         coincide = shares["by the inverse poses"]
         against.append(f"scans coincide by the inverse of their poses ({coincide} of their points)")
         remedies.append("poses that lead from the sensor to the map")
+    elif found.frame is None and found.coincidence.best == "by camera poses":
+        coincide = f"{shares['by camera poses']} of their points"
+        against.append(f"scans of a lidar, x forwards, with poses of a camera, z ({coincide})")
+        remedies.append("the poses of the lidar (a calib.txt leads from one to the other)")
+        return against, remedies  # upwards was told by poses of something else
 
     # unit, axis and place
     if "scale" not in given and (found.unit.scale != 1.0 or found.pose_scale is not None):

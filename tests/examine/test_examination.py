@@ -86,6 +86,20 @@ def test_poses_from_the_map_to_the_sensor_are_found():
     assert found.best == "by the inverse poses"
 
 
+def test_poses_of_a_camera_with_scans_of_a_lidar_are_found(tmp_path):
+    scans, poses = write_walk(tmp_path, WAYS["metres"], in_sensor_frame=True)
+    recording = open_recording(scans, poses)
+    to_camera = np.eye(4)
+    to_camera[:3, :3] = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
+    of_camera = np.stack([to_camera @ one.pose @ np.linalg.inv(to_camera) for one in recording])
+    rows = [" ".join(f"{value:.9f}" for value in pose[:3].ravel()) for pose in of_camera]
+    (tmp_path / "kitti.txt").write_text("\n".join(rows) + "\n")
+    found = look(scans, tmp_path / "kitti.txt", "sensor")
+    against, remedies = objections(found, Intake("sensor"), ())
+    assert "scans of a lidar, x forwards, with poses of a camera" in against[0]
+    assert remedies == ["the poses of the lidar (a calib.txt leads from one to the other)"]
+
+
 def test_what_is_said_is_not_objected_to(tmp_path):
     found = look(*write_walk(tmp_path, lambda xyz: WAYS["y up"](xyz) * 1000))
     assert objections(found, Intake(), ())[1] == ["--scale 0.001", "--up y"]
