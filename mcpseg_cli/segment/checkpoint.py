@@ -192,13 +192,15 @@ class State:
         self._database.insert("scans", *identity, *outcome, record.output_size, *counts)
         self._insert_changes(number, changes)
 
-        # new voxels, in blobs that SQLite can hold
+        self._insert_voxels(record.num_voxels - len(rows), rows)
+        return _Sizes(record.output_size, *counts, record.num_voxels)
+
+    def _insert_voxels(self, first: int, rows: MapRows) -> None:
+        """Add new voxels, in blobs that SQLite can hold."""
         for start in range(0, len(rows), _PART_ROWS):
             parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in COLUMNS]
-            first_id = record.num_voxels - len(rows) + start
             blobs = [np.ascontiguousarray(part).data for part in parts]
-            self._database.insert("voxels", first_id, len(parts[0]), *blobs)
-        return _Sizes(record.output_size, *counts, record.num_voxels)
+            self._database.insert("voxels", first + start, len(parts[0]), *blobs)
 
     def _insert_changes(self, number: int, changes: MapChanges) -> None:
         """Add to the logs, and put evidence in the place of what was known before."""
@@ -209,8 +211,12 @@ class State:
             insert("moves", number, packed_moves(changes.moves))
         if len(changes.labels):
             insert("changes", number, changes.labels.packed())
-        for block, rows in changes.evidence.items():
-            insert("evidence", int(block), rows.tobytes(), replace=True)
+        self._insert_evidence(changes.evidence)
+
+    def _insert_evidence(self, evidence: Mapping[int, NDArray[np.uint16]]) -> None:
+        """Put evidence in the place of what was known before."""
+        for block, rows in evidence.items():
+            self._database.insert("evidence", int(block), rows.tobytes(), replace=True)
 
     def scans(self) -> list[ScanRecord]:
         """List the consumed scans in order."""

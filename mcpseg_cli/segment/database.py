@@ -78,7 +78,7 @@ class Database:
     def rows(
         self, table: str, condition: str = "TRUE", arguments: Sequence[Value] = ()
     ) -> Iterator[tuple[Value, ...]]:
-        """Iterate over rows by the first column, each as it was written.
+        """Iterate over rows by the first two columns, each as it was written.
 
         Args:
             table: Which.
@@ -91,7 +91,7 @@ class Database:
         Raises:
             StateError: A row is not as it was written.
         """
-        statement = f"SELECT * FROM {table} WHERE {condition} ORDER BY 1"
+        statement = f"SELECT * FROM {table} WHERE {condition} ORDER BY 1, 2"
         with self.explained():
             for *values, checksum in self.connection.execute(statement, arguments):
                 if row_checksum(table, values) != checksum:
