@@ -12,6 +12,7 @@ from mcpseg_cli.cli.boundary import OneLineErrors
 from mcpseg_cli.cli.evaluate import evaluate
 from mcpseg_cli.cli.export import export
 from mcpseg_cli.cli.import_weights import import_weights
+from mcpseg_cli.cli.merge import merge
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
@@ -52,6 +53,7 @@ app.command("synth")(synth)
 app.command("raytrace")(raytrace)
 app.command("train")(train)
 app.command("segment")(segment)
+app.command("merge")(merge)
 app.command("eval")(evaluate)
 app.command("export")(export)
 app.command("import-weights")(import_weights)

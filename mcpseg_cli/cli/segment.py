@@ -196,8 +196,8 @@ def segment(
         else:
             _print_summary(run, tally, range_from=found, verbose=verbose)
 
-    if interrupt.asked and len(run.records) < len(recording):
-        _tell_how_to_continue(len(run.records), len(recording))
+    if interrupt.asked and (pending := _num_pending(run)):
+        _tell_how_to_continue(len(recording) - pending, len(recording))
         raise typer.Exit(130)
 
 
@@ -347,7 +347,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
         "skipped": _skipped(run),
         "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
-        "peak_memory_mb": round(_peak_memory_mb(), 1),
+        "peak_memory_mb": round(peak_memory_mb(), 1),
         "resumed_from": run.resumed_from,
         "precision": run.segmenter.precision,
         "output": str(run.output),
@@ -377,7 +377,7 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: 
     if ms := tally.percentiles():
         p50, p95, slowest = ms
         rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
-    rows.append(("peak memory", f"{_peak_memory_mb():,.0f} MB"))
+    rows.append(("peak memory", f"{peak_memory_mb():,.0f} MB"))
     rows.append(("map", str(run.output / "map.ply")))
     if verbose:
         medians = tally.stage_medians().items()
@@ -399,7 +399,8 @@ def _rounded(values: tuple[float, ...]) -> list[float]:
     return [round(value, 3) for value in values]
 
 
-def _peak_memory_mb() -> float:
+def peak_memory_mb() -> float:
+    """Return the most memory this process has had, MB."""
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -33,7 +33,7 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
     """
     files = []
     for record in run.scans:
-        if record.error is None:
+        if record.error is None and not record.is_merged:
             path = scans / record.name
             if not path.is_file():
                 expected = f"the scans of {run.folder}"
@@ -42,6 +42,9 @@ def check_scans(run: LabelledRun, scans: Path) -> list[ScanFile]:
                 expected = f"the scan as {run.folder} was made from it"
                 raise InputError(path, "changed since it was labelled", expected, "restore it")
             files.append(ScanFile(path, record.pose))
+    if not files:
+        expected, remedy = "scans of its own", "give the runs that it was merged from"
+        raise InputError(run.folder, "a map of merged runs", expected, remedy)
     return files
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.config import EMBEDDING
 from mcpseg_cli.incremental.column import Column
 from mcpseg_cli.incremental.edges import Edges
+from mcpseg_cli.incremental.evidence import class_shares
 from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
 from mcpseg_cli.incremental.linkage import link
 from mcpseg_cli.incremental.map_labels import FirstLooks
@@ -82,9 +83,7 @@ class ObjectGraph:
         Rows sum to 1; to 0 for a voxel of no object.
         """
         owners, number = np.unique(self.instance[ids], return_inverse=True)
-        evidence = self._members.evidence[owners].astype(np.float32)
-        evidence /= np.maximum(evidence.sum(axis=1, keepdims=True), 1)
-        shares: NDArray[np.float32] = evidence[number]
+        shares: NDArray[np.float32] = class_shares(self._members.evidence[owners])[number]
         return shares
 
     def take_apart(
@@ -150,7 +149,7 @@ class ObjectGraph:
         cluster = link(size, ends, together, total, self._threshold, self._least)
         evidence = self._labels.class_evidence(ids)
         node_evidence = np.concatenate([evidence, members.evidence[outside]])
-        is_object = _are_objects(cluster, size, node_evidence, self._least, self._certain)
+        is_object = are_objects(cluster, size, node_evidence, self._least, self._certain)
         before = np.concatenate([old, outside])
         heirs = find_successors(before, size, cluster, is_object, members.num_ids)
         members.add_objects(heirs.num_new)
@@ -341,7 +340,7 @@ def _hold(
 
 
 @njit(cache=True)
-def _are_objects(
+def are_objects(
     cluster: NDArray[np.int32],
     size: NDArray[np.int64],
     evidence: NDArray[np.int64],

@@ -31,6 +31,7 @@ from mcpseg_cli.segment.map_changes import (
     unpacked_moves,
 )
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
+from mcpseg_cli.segment.sources import Sources
 
 SCHEMA_VERSION = 3
 _PART_ROWS = 1 << 20  # voxels a blob holds at most: SQLite's blobs end at 1 GB
@@ -69,6 +70,7 @@ class State:
         self.path = original or path
         self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path)
         self._db = self._database.connection
+        self.sources = Sources(self._database)
         try:
             with self._database.explained():
                 self._num_scans = self._db.execute("SELECT count(*) FROM scans").fetchone()[0]
@@ -140,6 +142,36 @@ class State:
                 self._insert(number, record, rows, MapChanges.none())
         self._num_scans += len(scans)
 
+    def add_scans(self, records: Sequence[ScanRecord]) -> None:
+        """Add scans of which the voxels are added by ``add_voxels``, in any number of calls."""
+        nothing = MapRows(*(np.empty((0, *shape), dtype) for dtype, shape in COLUMNS.values()))
+        self.commit_all([(record, nothing) for record in records])
+
+    def add_voxels(
+        self,
+        first_id: int,
+        rows: MapRows,
+        evidence: Mapping[int, NDArray[np.uint16]],
+        sources: Mapping[int, Moves],
+    ) -> None:
+        """Add voxels of scans that are here.
+
+        Args:
+            first_id: Of the first of them.
+            rows: Them, labels final.
+            evidence: By number of the block, see ``Evidence.blocks``.
+            sources: By number of the part that has them, see ``Sources.insert``.
+        """
+        with self._database.transaction():
+            self._insert_voxels(first_id, rows)
+            self._insert_evidence(evidence)
+            for part, voxels in sources.items():
+                self.sources.insert(first_id, part, voxels)
+
+    def first_rows(self) -> Iterator[MapRows]:
+        """Iterate over every voxel with the labels it had when first seen, see ``map_rows``."""
+        return self._first_rows()
+
     def _insert(self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges) -> None:
         """Add a scan within a transaction."""
         file = record.file
@@ -154,10 +186,13 @@ class State:
         self._db.execute(f"INSERT INTO scans VALUES ({_holes(15)})", identity + outcome + sizes)
         self._insert_changes(number, changes)
 
-        # new voxels, in blobs that SQLite can hold
+        self._insert_voxels(record.num_voxels - len(rows), rows)
+
+    def _insert_voxels(self, first: int, rows: MapRows) -> None:
+        """Add new voxels, in blobs that SQLite can hold."""
         for start in range(0, len(rows), _PART_ROWS):
             parts = [getattr(rows, name)[start : start + _PART_ROWS] for name in COLUMNS]
-            first_id = record.num_voxels - len(rows) + start
+            first_id = first + start
             blobs = [np.ascontiguousarray(part).data for part in parts]
             values = (first_id, len(parts[0]), *blobs, _checksum(blobs))
             self._db.execute(f"INSERT INTO voxels VALUES ({_holes(9)})", values)
@@ -177,7 +212,11 @@ class State:
             values = (number, labels, zlib.crc32(labels))
             self._db.execute("INSERT INTO changes VALUES (?, ?, ?)", values)
 
-        blobs = ((block, rows.tobytes()) for block, rows in changes.evidence.items())
+        self._insert_evidence(changes.evidence)
+
+    def _insert_evidence(self, evidence: Mapping[int, NDArray[np.uint16]]) -> None:
+        """Put evidence in the place of what was known before."""
+        blobs = ((block, rows.tobytes()) for block, rows in evidence.items())
         self._db.executemany(
             "INSERT OR REPLACE INTO evidence VALUES (?, ?, ?)",
             ((block, blob, zlib.crc32(blob)) for block, blob in blobs),

@@ -86,7 +86,24 @@ class SkippedEvent:
     skipped: str
 
 
-Event = LabelledEvent | SkippedEvent
+@dataclass(frozen=True)
+class MergedEvent:
+    """A scan is in the map because a map that has it was merged into this one.
+
+    Attributes:
+        scan: Its number, from 0.
+        name: Its name in that map, after the map's.
+        points: Points in it.
+        merged: Name of the map.
+    """
+
+    scan: int
+    name: str
+    points: int
+    merged: str
+
+
+Event = LabelledEvent | SkippedEvent | MergedEvent
 
 
 def event_text(event: Event, ms: Mapping[str, float] | None = None) -> str:
@@ -108,7 +125,10 @@ def parse_event(text: str) -> Event:
     """
     facts = json.loads(text)
     try:
-        return SkippedEvent(**facts) if "skipped" in facts else LabelledEvent(**facts)
+        kinds = {"skipped": SkippedEvent, "merged": MergedEvent}
+        found = [kind for key, kind in kinds.items() if key in facts]
+        event: Event = (found or [LabelledEvent])[0](**facts)
+        return event
     except TypeError as error:
         raise ValueError(f"no event: {text[:80]}") from error
 
@@ -159,13 +179,17 @@ class ScanEvent:
 
     Attributes:
         name: File name of the scan.
-        skipped: Whether it could not be read.
+        skipped: Whether it was not read in this run: it could not be, or is of a merged map.
         ms: Milliseconds from reading it to the last output; None where this was not kept.
     """
 
     name: str
     skipped: bool
     ms: float | None
+
+
+def _is_elsewhere(entry: Mapping[str, object]) -> bool:
+    return "skipped" in entry or "merged" in entry
 
 
 def read_events(path: Path) -> list[ScanEvent]:
@@ -184,7 +208,7 @@ def read_events(path: Path) -> list[ScanEvent]:
             entry = json.loads(line)
             ms = entry.get("ms")
             total = None if ms is None else float(sum(ms.values()))
-            events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total))
+            events.append(ScanEvent(str(entry["name"]), _is_elsewhere(entry), total))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             found = f"line {number:,} that is no event"
             raise InputError(

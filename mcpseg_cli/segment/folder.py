@@ -38,6 +38,21 @@ def prepare_folder(output: Path, recording: list[ScanFile], *, overwrite: bool) 
     (output / "scans").mkdir(parents=True, exist_ok=True)
 
 
+def prepare_empty(output: Path) -> None:
+    """Make the folder of a run that is made at once, or see that it has no files of a run.
+
+    Raises:
+        OutputError: It has.
+        OSError: The folder cannot be made.
+    """
+    if (output / "state.sqlite").exists():
+        raise OutputError(
+            f"{output}: has a run; expected an empty folder; choose another -o, or give --overwrite"
+        )
+    _check_content(output)
+    output.mkdir(parents=True, exist_ok=True)
+
+
 def _check_place(output: Path, recording: list[ScanFile]) -> None:
     """Refuse an output folder in which results would lie among the input, or that is none."""
     scans = recording[0].path.parent.resolve()

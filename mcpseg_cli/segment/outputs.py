@@ -57,6 +57,10 @@ class Outputs:
         for folder in (self.folder, self.folder / "scans"):
             remove_leftovers(folder)
         self._map.reconcile(rows)
+        self.reconcile_events(events)
+
+    def reconcile_events(self, events: Sequence[Event]) -> None:
+        """Bring events.jsonl to where the checkpoint is, see ``reconcile``."""
         reconcile_events(self.folder / "events.jsonl", events)
 
     def labelled_scan(self, name: str) -> Path:
@@ -72,10 +76,19 @@ class Outputs:
         """Append a line to events.jsonl, see ``events.append_event``."""
         append_event(self.folder / "events.jsonl", event, ms)
 
-    def write_objects(self, objects: Sequence[MapObject]) -> None:
-        """Write objects.json."""
-        text = json.dumps([asdict(item) for item in objects], indent=1) + "\n"
-        write_whole(self.folder / "objects.json", text)
+    def write_objects(
+        self, objects: Sequence[MapObject], parts: Mapping[int, Mapping[str, list[int]]] | None
+    ) -> None:
+        """Write objects.json.
+
+        Args:
+            objects: All.
+            parts: Of a merged map, by object: the ids in each part, see ``Sources.of_objects``.
+        """
+        items = [asdict(item) for item in objects]
+        if parts is not None:
+            items = [item | {"parts": parts.get(item["id"], {})} for item in items]
+        write_whole(self.folder / "objects.json", json.dumps(items, indent=1) + "\n")
 
     def write_record(self, record: RunRecord) -> None:
         """Write run.json."""

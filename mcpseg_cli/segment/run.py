@@ -193,7 +193,8 @@ class SegmentRun:
         num_used = sum(record.error is None for record in self.records)
         num_voxels = self.records[-1].num_voxels if self.records else 0
         if (self.segmenter.num_scans, len(self.segmenter.map)) == (num_used, num_voxels):
-            self.outputs.write_objects(self.segmenter.objects())
+            parts = self._state.sources.of_objects(self.segmenter.clusters.instance)
+            self.outputs.write_objects(self.segmenter.objects(), parts)
 
     def _label(self, read: ReadScan, started: float) -> ScanReport:
         """Label a scan, commit it, then bring the outputs up to date."""
@@ -268,7 +269,8 @@ class SegmentRun:
     def _write_lost_scans(self, recording: list[ScanFile]) -> None:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
-        for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
+        own = [each for each in enumerate(self.records) if not each[1].is_merged]
+        for (number, record), source in zip(own, recording, strict=False):
             path = self.outputs.labelled_scan(record.name)
             is_there = path.is_file() and path.stat().st_size == record.output_size
             if record.error is not None or is_there:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats.recording import ScanFile
-from mcpseg_cli.segment.events import Event, SkippedEvent
+from mcpseg_cli.segment.events import Event, MergedEvent, SkippedEvent
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,11 @@ class ScanRecord:
     event: Event
     output_size: int
 
+    @property
+    def is_merged(self) -> bool:
+        """Whether it was consumed by a map that was merged into this one."""
+        return isinstance(self.event, MergedEvent)
+
     def is_of(self, source: ScanFile) -> bool:
         """Tell whether a scan has still the pose and content that were consumed."""
         return np.array_equal(source.pose, self.pose) and self.file.matches(source.path)
@@ -106,7 +111,7 @@ def check_consumed(
 
     Args:
         recording: All scans, in order.
-        records: The consumed ones.
+        records: The consumed ones; those of merged maps are passed over.
         state_path: The checkpoint that has them.
 
     Returns:
@@ -115,6 +120,7 @@ def check_consumed(
     Raises:
         StateError: A consumed scan is missing, moved or changed.
     """
+    records = [record for record in records if not record.is_merged]
     if len(recording) < len(records):
         raise StateError(
             f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; "
