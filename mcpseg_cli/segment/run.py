@@ -116,6 +116,8 @@ class SegmentRun:
         self._check_request()
         self.records = self._state.scans()
         self.pending = check_consumed(recording, self.records, self._state.path)
+        merged = [record for record in self.records if record.is_merged]
+        self._merged = {record.file.sha256: record.name for record in merged}
         self.resumed_from = len(self.records)
         if self.options.offline and self.resumed_from and self.pending:
             raise StateError(
@@ -171,10 +173,13 @@ class SegmentRun:
         """Read a scan as this run takes it.
 
         Raises:
-            InputError: It is damaged.
+            InputError: It is damaged, or a map that was merged into this one has consumed it.
             OSError: It cannot be read.
         """
         file = Fingerprint.of(source.path)
+        if (known := self._merged.get(file.sha256)) is not None:
+            found, expected = f"in the map already, as {known}", "a scan that no merged map has"
+            raise InputError(source.path, found, expected, "leave it out")
         return ReadScan(source, file, *self._read_points(source))
 
     def _read_points(self, source: ScanFile) -> tuple[Scan, Cloud]:
