@@ -13,6 +13,9 @@ import typer
 from mcpseg_cli.cli.options import Json, OutputFolder, Overwrite, Quiet
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mcpseg_cli.merge.run import Merged
 
 
@@ -71,7 +74,7 @@ def merge(
     _print(merged, output, as_json=as_json)
 
 
-def _transform(text: str) -> tuple[Path, object]:
+def _transform(text: str) -> tuple[Path, NDArray[np.float64]]:
     """Read OUT=FILE."""
     from mcpseg_cli.formats.transform import read_transform
 
@@ -91,11 +94,13 @@ def _print(merged: Merged, output: Path, *, as_json: bool) -> None:
         facts |= {"peak_memory_mb": round(peak_memory_mb(), 1), "output": str(output)}
         typer.echo(json.dumps(facts))
         return
-    print_table([
-        ("parts", ", ".join(merged.parts)),
-        ("scans", f"{merged.scans:,}"),
-        ("voxels", f"{merged.voxels:,}, of {merged.voxels_of_parts:,} in the parts"),
-        ("objects", f"{merged.objects:,}"),
-        ("peak memory", f"{peak_memory_mb():,.0f} MB"),
-        ("map", str(output / "map.ply")),
-    ])
+    print_table(
+        [
+            ("parts", ", ".join(merged.parts)),
+            ("scans", f"{merged.scans:,}"),
+            ("voxels", f"{merged.voxels:,}, of {merged.voxels_of_parts:,} in the parts"),
+            ("objects", f"{merged.objects:,}"),
+            ("peak memory", f"{peak_memory_mb():,.0f} MB"),
+            ("map", str(output / "map.ply")),
+        ]
+    )

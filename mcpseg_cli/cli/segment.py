@@ -13,10 +13,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import (
+    Clustering,
+    Engine,
+    Frame,
+    Labelling,
+    Method,
+    OnError,
+    Precision,
+    ScanFormat,
+)
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
+    Jobs,
     Json,
     OutputFolder,
     Overwrite,
@@ -25,31 +35,50 @@ from mcpseg_cli.cli.options import (
     Verbose,
     WeightsName,
 )
+from mcpseg_cli.cli.recordings import segment_recordings, words_of
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import ScanFile
+    from mcpseg_cli.incremental.column import Memory
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
+_OF_RECORDINGS = (
+    "recordings", "engine", "scheduler", "jobs", "output", "overwrite", "as_json", "quiet", "rerun",
+)  # fmt: skip
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
+def _needed(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> object:
+    """Refuse a recording without scans or poses, unless a table has the recordings."""
+    has_table = context.params.get("recordings") is not None
+    if (value is None) != has_table and not context.resilient_parsing:
+        found = "Missing argument" if value is None else "--recordings names all: leave out"
+        raise typer.BadParameter(f"{found} {parameter.metavar}")
+    return value
+
+
 def segment(
+    context: typer.Context,
+    output: OutputFolder,
     scans: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="SCANS",
+            callback=_needed,
             help="Folder of registered scans (PLY, LAS, LAZ, NPZ, PCD) in natural order.",
         ),
-    ],
+    ] = None,
     poses: Annotated[
-        Path, typer.Argument(metavar="POSES", help="Pose file: CSV with a header, TUM or KITTI.")
-    ],
-    output: OutputFolder,
+        Path | None,
+        typer.Argument(
+            metavar="POSES", callback=_needed, help="Pose file: CSV with a header, TUM or KITTI."
+        ),
+    ] = None,
     weights: WeightsName = None,
     method: Annotated[
         Method | None,
@@ -127,6 +156,32 @@ def segment(
             "file for one.",
         ),
     ] = None,
+    recordings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TABLE",
+            is_eager=True,
+            help="Instead of SCANS and POSES, many recordings: a CSV with a header of scans, poses "
+            "and, if wanted, transform, settings, name. Each gets its map in OUT/recordings/, "
+            "and OUT their merge.",
+        ),
+    ] = None,
+    engine: Annotated[
+        Engine, typer.Option(help="What runs --recordings: this machine, or a Dask cluster.")
+    ] = "processes",
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+    ] = None,
+    jobs: Jobs = None,
+    keep_near: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            metavar="METRES",
+            help="For endless runs: keep in memory what is this near the robot, horizontally; the "
+            "rest of the map waits in files in OUT, and comes back with the robot.",
+        ),
+    ] = None,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -148,7 +203,17 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --json | jq .objects
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
+      mcpseg segment --recordings table.csv -o building/ --jobs 4
     """
+    if recordings is not None:
+        words = words_of(context, _OF_RECORDINGS)
+        segment_recordings(
+            recordings, output, words, engine, scheduler,
+            jobs=jobs, overwrite=overwrite, as_json=as_json, quiet=quiet,
+        )  # fmt: skip
+        return
+    assert scans is not None
+    assert poses is not None
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
     from mcpseg_cli.config import SegmentSettings
     from mcpseg_cli.formats.recording import open_recording
@@ -175,7 +240,10 @@ def segment(
         kept = None if overwrite else output
         distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
-    segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
+    memory = _memory(output, keep_near, offline=offline)
+    segmenter = IncrementalSegmenter(
+        opened, settings, precision=precision, device=device, memory=memory
+    )
     options = RunOptions(frame, format, on_error, offline, sys.argv)
 
     with ExitStack() as entered:
@@ -199,6 +267,19 @@ def segment(
     if interrupt.asked and (pending := _num_pending(run)):
         _tell_how_to_continue(len(recording) - pending, len(recording))
         raise typer.Exit(130)
+
+
+def _memory(output: Path, keep_near: float | None, *, offline: bool) -> Memory:
+    """Choose where the map is."""
+    from mcpseg_cli.incremental.column import IN_MEMORY
+    from mcpseg_cli.segment.paging import PagedMemory
+
+    if keep_near is None:
+        return IN_MEMORY
+    if offline:
+        raise typer.BadParameter("--keep-near: --offline holds the complete cloud; leave one out")
+    output.mkdir(parents=True, exist_ok=True)
+    return PagedMemory(output, keep_near)
 
 
 def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:

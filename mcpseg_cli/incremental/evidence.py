@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 from mcpseg_cli.networks.sparse import NUM_FORWARD
 
 UNIT = 255
@@ -85,13 +85,14 @@ class Evidence:
 
     Args:
         num_classes: C.
+        memory: Where its rows are.
     """
 
-    def __init__(self, num_classes: int) -> None:
-        self._of_class = Column(np.uint16, num_classes)
-        self._together = Column(np.uint16, NUM_FORWARD)
-        self._apart = Column(np.uint16, NUM_FORWARD)
-        self._looks = Column(np.uint16)
+    def __init__(self, num_classes: int, memory: Memory = IN_MEMORY) -> None:
+        self._of_class = Column(np.uint16, num_classes, memory=memory)
+        self._together = Column(np.uint16, NUM_FORWARD, memory=memory)
+        self._apart = Column(np.uint16, NUM_FORWARD, memory=memory)
+        self._looks = Column(np.uint16, memory=memory)
 
     def __len__(self) -> int:
         return len(self.looks)

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 from mcpseg_cli.incremental.edges import Edges
 from mcpseg_cli.incremental.evidence import class_shares
 from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
@@ -42,6 +42,7 @@ class ObjectGraph:
         certain: Share of the class evidence above which a class is not in doubt.
         reach: Metres around the robot within which voxels are put together anew; None: all those
             that are judged, and no others.
+        memory: Where the rows of voxels are.
     """
 
     def __init__(
@@ -54,12 +55,14 @@ class ObjectGraph:
         least: int,
         certain: float = 0.8,
         reach: float | None = None,
+        memory: Memory = IN_MEMORY,
     ) -> None:
         self._labels, self._edges = labels, edges
         self._threshold, self._least, self._certain = threshold, least, certain
         self._reach = reach
-        self._members = Membership(num_classes)
-        self._embedding = Column(np.int16, EMBEDDING)
+        self._memory = memory
+        self._members = Membership(num_classes, memory)
+        self._embedding = Column(np.int16, EMBEDDING, memory=memory)
         self._apart = _Apart.nothing()
 
     @property
@@ -216,6 +219,7 @@ class ObjectGraph:
         for start in range(0, len(owner), _PART):
             ids = np.arange(start, min(start + _PART, len(owner)), dtype=np.int32)
             members.join(ids, owner[ids], self._labels.class_evidence(ids))
+            self._memory.leave_all()
 
         # every edge once: forward ones only
         for start in range(0, len(owner), _PART):
@@ -223,6 +227,7 @@ class ObjectGraph:
             neighbours = voxels.neighbours(ids)
             edges = self._edges.of(ids, neighbours, self.embedding)
             members.count_edges(1, ids, neighbours, edges, only_forward=True)
+            self._memory.leave_all()
 
     def _move_outside(
         self, voxels: VoxelMap, outside: NDArray[np.int32], owner: NDArray[np.int32]

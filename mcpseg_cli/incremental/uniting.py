@@ -94,13 +94,15 @@ def voxels_of(keys: NDArray[np.int64], column: tuple[int, int]) -> NDArray[np.in
     """Return (N, 3) int64 the voxels of keys; the inverse of ``keys_of``."""
     x, y, z = keys >> 32, (keys >> 24) & 255, keys & (2 * MAX_VOXEL - 1)
     low = np.array([column[0] * WIDTH - 1, column[1] * WIDTH - 1, -MAX_VOXEL])
-    return np.stack([x, y, z], axis=1) + low
+    voxel: NDArray[np.int64] = np.stack([x, y, z], axis=1) + low
+    return voxel
 
 
 def is_rim(keys: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell of (N,) int64 keys whether they are of the rim of their column."""
     x, y = keys >> 32, (keys >> 24) & 255
-    return (x == 0) | (x == WIDTH + 1) | (y == 0) | (y == WIDTH + 1)
+    rim: NDArray[np.bool_] = (x == 0) | (x == WIDTH + 1) | (y == 0) | (y == WIDTH + 1)
+    return rim
 
 
 def unite(rows: PartVoxels, column: tuple[int, int]) -> UnitedVoxels:
@@ -258,9 +260,7 @@ def _add_rows(
 
 
 @njit(cache=True)
-def _is_before(
-    xyz: NDArray[np.float32], rgb: NDArray[np.uint8], one: int, other: int
-) -> bool:
+def _is_before(xyz: NDArray[np.float32], rgb: NDArray[np.uint8], one: int, other: int) -> bool:
     """Order rows by point and colour."""
     for axis in range(3):
         if xyz[one, axis] != xyz[other, axis]:

@@ -83,8 +83,8 @@ class BuildingGraph:
         within, pairs, joint, both = link_inside(
             ends, together, total, self._threshold, len(united.key), inside
         )
-        roots, cluster = np.unique(within, return_inverse=True)
-        cluster = cluster.astype(np.int32)
+        roots, numbers = np.unique(within, return_inverse=True)
+        cluster: NDArray[np.int32] = numbers.astype(np.int32)
 
         # clusters of this column, and their boundaries
         self._first[column] = self._count

@@ -183,9 +183,7 @@ def _even_pieces(parts: Iterator[MapRows]) -> Iterator[MapRows]:
 
 
 def _joined(parts: list[MapRows]) -> MapRows:
-    return MapRows(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS)
-    )
+    return MapRows(*(np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS))
 
 
 def _trimmed(embedding: NDArray[np.int16]) -> NDArray[np.int16]:

@@ -24,7 +24,7 @@ from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.uniting import unite
 from mcpseg_cli.merge.agreement import check_agreement, settings_from
 from mcpseg_cli.merge.building_graph import BuildingGraph, Objects
-from mcpseg_cli.merge.inventory import list_by_batches
+from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.merge.part import PartMap, names_of
 from mcpseg_cli.merge.spool import Column, Spool
 from mcpseg_cli.merge.united_column import UnitedColumn
@@ -285,8 +285,8 @@ class _Merge:
         """Read the labelled columns that have an object of a range."""
         for column in self._columns:
             with self._path(column, "labelled").open("rb") as file:
-                columns = [np.load(file, allow_pickle=False) for _ in range(5)]
-            yield MapRows(*columns, np.empty((len(columns[0]), 0), np.int16))
+                xyz, rgb, *labels = [np.load(file, allow_pickle=False) for _ in range(5)]
+            yield MapRows(xyz, rgb, *labels, np.empty((len(xyz), 0), np.int16))
 
 
 class _Blocks:

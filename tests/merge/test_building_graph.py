@@ -55,7 +55,11 @@ def objects_at_once(rows):
 def objects_by_columns(rows, folder):
     """Objects by columns, in the order of ``rows``."""
     folder.mkdir()
-    spool, graph, known = Spool(folder), BuildingGraph(CLASSES, threshold=THRESHOLD, least=LEAST), {}
+    spool, graph, known = (
+        Spool(folder),
+        BuildingGraph(CLASSES, threshold=THRESHOLD, least=LEAST),
+        {},
+    )
     spool.add(rows)
     for column in spool.columns:
         united = unite(spool.read(column), column)

@@ -182,14 +182,13 @@ def test_a_map_of_another_frame_is_moved(runs, building, unet_path, tmp_path):
     back[:3, :3], back[0, 3] = turn.T, 3
     np.savetxt(tmp_path / "T.txt", back)
     words = [runs / "one", tmp_path / "two", runs / "three"]
-    moved = merge(
-        tmp_path / "b", *words, "--transform", f"{tmp_path / 'two'}={tmp_path / 'T.txt'}"
-    )
+    moved = merge(tmp_path / "b", *words, "--transform", f"{tmp_path / 'two'}={tmp_path / 'T.txt'}")
     one, other = set(known_of(building)), set(known_of(moved))
     assert len(one & other) > 0.99 * len(one | other)
     with State(moved / "state.sqlite") as state:
         positions = [scan.pose[:3, 3] for scan in state.scans() if scan.name.startswith("two/")]
-    np.testing.assert_allclose(positions, [(0.4 * number, 0, 0.5) for number in range(3)], atol=1e-6)
+    expected = [(0.4 * number, 0, 0.5) for number in range(3)]
+    np.testing.assert_allclose(positions, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(

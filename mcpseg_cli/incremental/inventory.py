@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 
+_NO_EMBEDDING = np.empty((0, 0), np.int16)
 _MOST = 1 << 20  # voxels whose objects are listed together, or one object that has more
 
 
@@ -32,20 +33,16 @@ def list_by_batches(
         for rows in pieces(first, last):
             is_of = (rows.instance >= first) & (rows.instance <= last)
             if is_of.any():
-                columns = (rows.xyz, rows.rgb, rows.semantic, rows.confidence, rows.instance)
                 chosen.append(
-                    MapRows(*(each[is_of] for each in columns), np.empty((0, 0), np.int16))
-                )
+                    MapRows(
+                        rows.xyz[is_of], rows.rgb[is_of], rows.semantic[is_of],
+                        rows.confidence[is_of], rows.instance[is_of], _NO_EMBEDDING,
+                    )
+                )  # fmt: skip
         if chosen:
-            joined = MapRows(
-                *(np.concatenate([getattr(each, name) for each in chosen]) for name in _COLUMNS),
-                np.empty((0, 0), np.int16),
-            )
-            found += list_objects(joined, classes)
+            columns = [[getattr(each, name) for each in chosen] for name in COLUMNS]
+            found += list_objects(MapRows(*map(np.concatenate, columns)), classes)
     return found
-
-
-_COLUMNS = ("xyz", "rgb", "semantic", "confidence", "instance")
 
 
 def _batches(sizes: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
