@@ -19,7 +19,7 @@ to copy itself until it has four million voxels.
 
 
 class Memory:
-    """Where rows are kept: in memory, all of them; ``segment.paging`` keeps those near the robot."""
+    """Where rows are: in memory, all of them; ``segment.paging`` keeps those near the robot."""
 
     holds_all = True
     """Whether all rows are in memory."""

@@ -24,7 +24,6 @@ from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 from mcpseg_cli.scan import Labels, Scan
 
-
 _PIECE = 1 << 18  # voxels touched before those far from the robot leave memory
 
 

@@ -1,7 +1,7 @@
 """Commands of mcpseg that do not wait for each other: on this machine, or on a Dask cluster.
 
-Each is a process of its own. One whose worker is lost ends with it, and is started again on another,
-where it goes on from its checkpoint.
+Each is a process of its own. One whose worker is lost ends with it, and is started again on
+another, where it goes on from its checkpoint.
 """
 
 from __future__ import annotations

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.merge.part import names_of
 
 _COLUMNS = ("scans", "poses", "transform", "settings", "name")
 
@@ -18,7 +17,8 @@ class Recording:
     """A row.
 
     Attributes:
-        name: What its map is called.
+        name: What its map is called: as the table says, or after the folder of the scans, or, where
+            that is called ``scans``, after the one that it is in.
         inputs: What is given before the options: scans, and poses where there are any.
         transform: File with the motion into the frame of the building; None: the same frame.
         settings: Options of its own.
@@ -56,16 +56,11 @@ def read_recordings(path: Path) -> list[Recording]:
     if not rows:
         raise InputError(path, "no recording", "a line for each", "add one")
 
-    # names of folders, told apart
-    found_names = names_of([_own_folder(row.inputs[0], rows) for row in rows])
-    named = [
-        Recording(row.name or name.replace("/", "_"), row.inputs, row.transform, row.settings)
-        for row, name in zip(rows, found_names, strict=True)
-    ]
-    names = [row.name for row in named]
+    names = [row.name for row in rows]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(path, f"two recordings {twice[0]!r}", "each once", "give another name")
-    return named
+        found, remedy = f"two recordings {twice[0]!r}", "tell them apart in a column 'name'"
+        raise InputError(path, found, "each once", remedy)
+    return rows
 
 
 def _row(path: Path, line: int, row: dict[str, str | None]) -> Recording:
@@ -85,12 +80,5 @@ def _row(path: Path, line: int, row: dict[str, str | None]) -> Recording:
         raise InputError(source, f"settings: {error}", "options", "mend the line") from error
     inputs = tuple(each.resolve() for each in given)
     motion = (path.parent / transform).resolve() if transform else None
-    return Recording(values.get("name", ""), inputs, motion, settings)
-
-
-def _own_folder(scans: Path, rows: list[Recording]) -> Path:
-    """Return the folder that a recording is named by: one that not all have, where there is one."""
-    others = {row.inputs[0] for row in rows}
-    while len(others) > 1 and len({path.name for path in others}) == 1:
-        scans, others = scans.parent, {path.parent for path in others}
-    return scans
+    own = inputs[0].parent if inputs[0].name == "scans" else inputs[0]
+    return Recording(values.get("name") or own.stem, inputs, motion, settings)

@@ -19,12 +19,12 @@ from mcpseg_cli import __version__
 from mcpseg_cli.config import EMBEDDING
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.incremental.evidence import BLOCK, Evidence
+from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.uniting import unite
 from mcpseg_cli.merge.agreement import check_agreement, settings_from
 from mcpseg_cli.merge.building_graph import BuildingGraph, Objects
-from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.merge.part import PartMap, names_of
 from mcpseg_cli.merge.spool import Column, Spool
 from mcpseg_cli.merge.united_column import UnitedColumn

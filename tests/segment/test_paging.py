@@ -1,5 +1,7 @@
 """Maps of which only what is near the robot is in memory."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -23,7 +25,7 @@ def test_rows_that_left_memory_come_back_as_they_were(tmp_path):
 def resident_kb(rows) -> int:
     """Memory that the mapping of an array has."""
     address, found = rows.__array_interface__["data"][0], False
-    with open("/proc/self/smaps") as file:
+    with Path("/proc/self/smaps").open() as file:
         for line in file:
             if line.split()[0].startswith(f"{address:x}-"):
                 found = True
