@@ -16,9 +16,8 @@ from mcpseg_cli.formats.recording import MAX_COORDINATE
 from mcpseg_cli.grid import voxel_of
 from mcpseg_cli.incremental.evidence import BLOCK
 from mcpseg_cli.incremental.map_rows import COLUMNS, MapRows
-from mcpseg_cli.incremental.uniting import PartVoxels, move_evidence
+from mcpseg_cli.incremental.uniting import FORWARD, PartVoxels, move_evidence
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.sparse import NUM_FORWARD
 from mcpseg_cli.scan import to_map_frame
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import MergedEvent
@@ -128,7 +127,7 @@ class PartMap:
     ) -> Iterator[tuple[NDArray[np.int32], MapRows, NDArray[np.uint16]]]:
         """Read voxels, rows and evidence side by side."""
         evidence = state.evidence()
-        width = len(self.record.classes) + 2 * NUM_FORWARD + 1
+        width = len(self.record.classes) + 2 * len(FORWARD) + 1
         for rows in _even_pieces(state.first_rows()):
             blocks = list(islice(evidence, -(-len(rows) // BLOCK)))
             known = np.concatenate(blocks) if blocks else np.empty((0, 0), np.uint16)
