@@ -64,7 +64,6 @@ def _needed(context: typer.Context, parameter: typer.CallbackParam, value: Path 
 
 def segment(
     context: typer.Context,
-    output: OutputFolder,
     scans: Annotated[
         Path | None,
         typer.Argument(
@@ -79,6 +78,8 @@ def segment(
             metavar="POSES", callback=_needed, help="Pose file: CSV with a header, TUM or KITTI."
         ),
     ] = None,
+    *,
+    output: OutputFolder,
     weights: WeightsName = None,
     method: Annotated[
         Method | None,
