@@ -285,8 +285,10 @@ class _Merge:
         """Read the labelled columns that have an object of a range."""
         for column in self._columns:
             with self._path(column, "labelled").open("rb") as file:
-                xyz, rgb, *labels = [np.load(file, allow_pickle=False) for _ in range(5)]
-            yield MapRows(xyz, rgb, *labels, np.empty((len(xyz), 0), np.int16))
+                loaded = [np.load(file, allow_pickle=False) for _ in range(5)]
+            xyz, rgb, semantic, confidence, instance = loaded
+            nothing = np.empty((len(xyz), 0), np.int16)
+            yield MapRows(xyz, rgb, semantic, confidence, instance, nothing)
 
 
 class _Blocks:

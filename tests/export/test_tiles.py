@@ -48,10 +48,13 @@ def test_every_voxel_is_in_the_tile_of_its_place(labelled_run, tmp_path, ending)
 def test_tiles_have_what_is_chosen_and_need_a_format(labelled_run, tmp_path):
     words = ("export", labelled_run.out, "-q", "-o", tmp_path / "t", "--tiles", 5)
     assert "--tiles needs --split" in " ".join(invoke(*words).output.split())
-    result = invoke(*words, "--split", "ply", "--min-confidence", 0.2)
+    least = float(np.median(read_cloud(labelled_run.out / "map.ply").columns["confidence"]))
+    result = invoke(*words, "--split", "ply", "--min-confidence", least)
     assert result.exit_code == 0, result.output
     index = json.loads((tmp_path / "t" / tiles.INDEX).read_text())
     cloud = read_cloud(tmp_path / "t" / index["tiles"][0]["file"])
     confidence = cloud.columns.get("confidence", cloud.columns.get("scalar_confidence"))
-    assert confidence.min() >= 0.2
+    assert confidence.min() >= np.float32(least)
+    points = sum(tile["points"] for tile in index["tiles"])
+    assert 0 < points < len(read_cloud(labelled_run.out / "map.ply"))
     assert list((tmp_path / "t").glob(".tiles*")) == []
