@@ -51,6 +51,9 @@ def run_all(
 
     Raises:
         McpsegError: What the first that failed said.
+
+    Returns:
+        What became of them, in the order of the commands.
     """
     from mcpseg_cli.cli.display import notice, progress_bar
     from mcpseg_cli.cli.options import number_of_jobs
@@ -79,7 +82,7 @@ def run_all(
             f"{title}: {count}, first: {failed[0].error}; mend it and run the same command again, "
             "what is done is kept"
         )
-    return outcomes
+    return sorted(outcomes, key=lambda outcome: commands.index(outcome.words))
 
 
 def segment_recordings(
