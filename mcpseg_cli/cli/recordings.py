@@ -19,7 +19,7 @@ def words_of(context: typer.Context, without: Collection[str]) -> list[str]:
     """Spell the options that were given on the command line, as they are given again.
 
     Args:
-        context: Of the command.
+        context: Of the command; files are named so that they are found from other folders.
         without: Parameters that are left out, by name.
     """
     words: list[str] = []
@@ -34,7 +34,8 @@ def words_of(context: typer.Context, without: Collection[str]) -> list[str]:
         if isinstance(value, bool):
             words.append(parameter.opts[0] if value else parameter.secondary_opts[0])
         else:
-            words += [parameter.opts[0], str(value)]
+            is_file = isinstance(value, str | Path) and Path(value).is_file()
+            words += [parameter.opts[0], str(Path(value).resolve() if is_file else value)]
     return words
 
 

@@ -87,8 +87,12 @@ def run_here(commands: Sequence[Words], jobs: int, threads: int) -> Iterator[Out
         What became of each, as they end.
     """
     with ThreadPoolExecutor(jobs) as pool:
-        for future in as_completed([pool.submit(run_command, each, threads) for each in commands]):
-            yield future.result()
+        futures = [pool.submit(run_command, each, threads) for each in commands]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)  # an interrupt starts no more
 
 
 def run_on_dask(

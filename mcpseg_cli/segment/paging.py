@@ -7,6 +7,7 @@ what was let go. So the map is one map, whatever is in memory: no label can depe
 from __future__ import annotations
 
 import mmap
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT
 
 _RESERVED = 1 << 28  # rows of each file, which is sparse: no map copies itself to grow
 _EVERY = 32  # scans
+_LEAST_FREE = 200_000_000  # bytes of the disk, more than what is touched in between
 _PAGE = mmap.PAGESIZE
 
 
@@ -30,7 +32,7 @@ class PagedMemory(Memory):
         distance: Metres around the robot, horizontally, within which rows stay in memory.
 
     Raises:
-        OutputError: The disk does not hold sparse files.
+        OutputError: The disk does not hold sparse files, or is nearly full.
     """
 
     holds_all = False
@@ -60,6 +62,7 @@ class PagedMemory(Memory):
     def leave(self, position: NDArray[np.float64], near: Near) -> None:
         """Let go, now and then, what is far; see ``Memory``."""
         self._num_scans += 1
+        self._check_room()
         if self._num_scans % _EVERY:
             return
         ids = near(position, self._distance, ROOM_HEIGHT).astype(np.int64)
@@ -69,8 +72,18 @@ class PagedMemory(Memory):
 
     def leave_all(self) -> None:
         """Let everything go; see ``Memory``."""
+        self._check_room()
         for mapped, _, _ in self._files:
             _let_go(mapped, np.empty(0, np.int64))
+
+    def _check_room(self) -> None:
+        """Stop before the disk is full: a page that cannot be written would kill the process."""
+        free = shutil.disk_usage(self._folder).free
+        if free < _LEAST_FREE:
+            raise OutputError(
+                f"{self._folder}: {free / 1e6:,.0f} MB free; expected room for the map, some 250 "
+                "bytes a voxel; make space and run the same command again, finished scans are kept"
+            )
 
 
 def _pages(ids: NDArray[np.int64], width: int) -> NDArray[np.int64]:

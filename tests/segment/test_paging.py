@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mcpseg_cli.errors import OutputError
 from mcpseg_cli.segment import paging
 from mcpseg_cli.segment.paging import PagedMemory
 from tests.commands import invoke, outputs_of, segment
@@ -63,6 +64,13 @@ def test_labels_do_not_depend_on_what_is_in_memory(unet_path, tmp_path, monkeypa
         result = segment(each, tmp_path / "two", *options)
         assert result.exit_code == 0, result.output
     assert outputs_of(tmp_path / "one") == outputs_of(tmp_path / "two")
+
+
+def test_a_disk_that_is_nearly_full_is_told_before_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(paging, "_LEAST_FREE", 1 << 60)
+    memory = PagedMemory(tmp_path, 1.0)
+    with pytest.raises(OutputError, match="MB free; expected room"):
+        memory.leave(np.zeros(3), lambda *_: np.empty(0, np.int32))
 
 
 def test_a_complete_cloud_is_not_kept_in_part(tmp_path, unet_path):
