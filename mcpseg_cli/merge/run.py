@@ -18,16 +18,15 @@ from numpy.typing import NDArray
 from mcpseg_cli import __version__
 from mcpseg_cli.config import EMBEDDING
 from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.incremental.evidence import BLOCK, Evidence
+from mcpseg_cli.incremental.evidence import Evidence
 from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.uniting import unite
 from mcpseg_cli.merge.agreement import check_agreement, settings_from
 from mcpseg_cli.merge.building_graph import BuildingGraph, Objects
 from mcpseg_cli.merge.part import PartMap, names_of
 from mcpseg_cli.merge.spool import Column, Spool
-from mcpseg_cli.merge.united_column import UnitedColumn
+from mcpseg_cli.merge.united_column import EvidenceBlocks, UnitedColumn
 from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.folder import clear_run, prepare_empty
@@ -222,10 +221,10 @@ class _Merge:
             LabelledMap(self._folder / "map.ply", self._classes) as ply,
         ):
             self._begin(state)
-            blocks = _Blocks()
+            blocks = EvidenceBlocks()
             for start, column, rows, united in self._labelled(objects):
                 evidence = blocks.add(united.evidence, is_last=column == self._columns[-1])
-                state.add_voxels(start, rows, evidence, _sources(united))
+                state.add_voxels(start, rows, evidence, united.sources())
                 ply.append(rows)
                 sizes += np.bincount(rows.instance, minlength=len(sizes))
             ply.finish()
@@ -289,29 +288,3 @@ class _Merge:
             xyz, rgb, semantic, confidence, instance = loaded
             nothing = np.empty((len(xyz), 0), np.int16)
             yield MapRows(xyz, rgb, semantic, confidence, instance, nothing)
-
-
-class _Blocks:
-    """Cuts the evidence about consecutive voxels into the blocks it is kept in."""
-
-    def __init__(self) -> None:
-        self._rest: NDArray[np.uint16] | None = None
-        self._next = 0
-
-    def add(self, rows: NDArray[np.uint16], *, is_last: bool) -> dict[int, NDArray[np.uint16]]:
-        """Give the blocks that are complete, or, with the last rows, all."""
-        joined = rows if self._rest is None else np.concatenate([self._rest, rows])
-        count = -(-len(joined) // BLOCK) if is_last else len(joined) // BLOCK
-        self._rest = joined[count * BLOCK :]
-        first, self._next = self._next, self._next + count
-        return {first + at: joined[at * BLOCK : (at + 1) * BLOCK] for at in range(count)}
-
-
-def _sources(united: UnitedColumn) -> dict[int, Moves]:
-    """Give the voxels of a column that each map has, with their objects there."""
-    numbers, starts = np.unique(united.part, return_index=True)
-    ends = [*starts[1:], len(united.part)]
-    return {
-        int(number): Moves(united.source[start:end], united.instance[start:end])
-        for number, start, end in zip(numbers, starts, ends, strict=True)
-    }

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import naming
+from mcpseg_cli.incremental.evidence import BLOCK
+from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.incremental.uniting import PartVoxels, UnitedVoxels
 
 
@@ -75,8 +77,33 @@ class UnitedColumn:
         with path.open("rb") as file:
             return cls(*[np.load(file, allow_pickle=False) for _ in fields(cls)])
 
+    def sources(self) -> dict[int, Moves]:
+        """Give the voxels that each map has, by its number, with their objects there."""
+        numbers, starts = np.unique(self.part, return_index=True)
+        ends = [*starts[1:], len(self.part)]
+        return {
+            int(number): Moves(self.source[start:end], self.instance[start:end])
+            for number, start, end in zip(numbers, starts, ends, strict=True)
+        }
+
     @staticmethod
     def read_clusters(path: Path) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Read keys and clusters alone."""
         column = UnitedColumn.read(path)
         return column.key, column.cluster
+
+
+class EvidenceBlocks:
+    """Cuts the evidence about consecutive voxels into the blocks it is kept in."""
+
+    def __init__(self) -> None:
+        self._rest: NDArray[np.uint16] | None = None
+        self._next = 0
+
+    def add(self, rows: NDArray[np.uint16], *, is_last: bool) -> dict[int, NDArray[np.uint16]]:
+        """Give the blocks that are complete, or, with the last rows, all."""
+        joined = rows if self._rest is None else np.concatenate([self._rest, rows])
+        count = -(-len(joined) // BLOCK) if is_last else len(joined) // BLOCK
+        self._rest = joined[count * BLOCK :]
+        first, self._next = self._next, self._next + count
+        return {first + at: joined[at * BLOCK : (at + 1) * BLOCK] for at in range(count)}
