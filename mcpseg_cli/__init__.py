@@ -26,6 +26,8 @@ A folder imports the ground and the rooms named with it, never upward:
     synth/        synthetic buildings to train on; imports formats
     segment/      a run on disk: scans in, labelled map, checkpoint, events, objects out;
                   imports incremental, networks, formats
+    merge/        maps of one building made one, many recordings segmented for it;
+                  imports segment, incremental, formats
     train/        samples, losses, epochs, weights (III-D); imports incremental, networks, formats
     evaluate/     scores of a run against the truth (IV-A, IV-B);
                   imports segment, incremental, formats

@@ -68,6 +68,9 @@ SynthClasses = Literal["s3dis", "home"]
 ModelPart = Literal["train", "kept", "all"]
 """Which models furnish a synthetic building: those to train on, those kept from it, or all."""
 
+Engine = Literal["processes", "dask"]
+"""What runs many recordings: processes of this machine, or the workers of a Dask cluster."""
+
 Sensor = Literal["sphere", "depth-camera", "lidar-16", "lidar-32"]
 """What a virtual robot looks with: rays in all directions (III-A), a hand-held depth camera, or a
 lidar of 16 or 32 rings.

@@ -44,8 +44,11 @@ def guarded_cell(text: str) -> str:
 
 
 def is_file_name(name: str) -> bool:
-    """Tell whether a name, joined to a folder, is a file in that folder and nowhere else."""
-    return name not in ("", ".", "..") and not set(name) & {"/", "\0"}
+    """Tell whether a name, joined to a folder, is a file in that folder or below it.
+
+    Folders in it are parted by slashes.
+    """
+    return "\0" not in name and not set(name.split("/")) & {"", ".", ".."}
 
 
 def write_whole(path: Path, content: str | bytes, *, is_durable: bool = False) -> None:

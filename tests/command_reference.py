@@ -28,6 +28,7 @@ def describe(name, function) -> str:
     rows = [
         describe_parameter(parameter.name, parameter.default, hints[parameter.name])
         for parameter in parameters
+        if get_args(hints[parameter.name])  # else what typer hands over
     ]
     table = "\n".join(["| | |", "|---|---|", *rows])
     return f"## mcpseg {name}\n\n{summary}\n\n{table}\n"

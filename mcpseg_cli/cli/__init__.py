@@ -13,6 +13,7 @@ from mcpseg_cli.cli.evaluate import evaluate
 from mcpseg_cli.cli.export import export
 from mcpseg_cli.cli.import_weights import import_weights
 from mcpseg_cli.cli.info import info
+from mcpseg_cli.cli.merge import merge
 from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
@@ -54,6 +55,7 @@ app.command("raytrace")(raytrace)
 app.command("train")(train)
 app.command("info")(info)
 app.command("segment")(segment)
+app.command("merge")(merge)
 app.command("eval")(evaluate)
 app.command("export")(export)
 app.command("import-weights")(import_weights)

@@ -75,6 +75,15 @@ def export(
         CloudFormat | None,
         typer.Option(help="Write a cloud of this format for each object into the folder -o."),
     ] = None,
+    tiles: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            metavar="METRES",
+            help="With --split: a cloud for each square tile of this edge, and tiles.json, which "
+            "lists them; no more than a part of the map is in memory.",
+        ),
+    ] = None,
     view: Annotated[View, typer.Option(help="Where a picture is seen from.")] = "cut",
     cut: Annotated[
         float,
@@ -106,6 +115,7 @@ def export(
       mcpseg export out/ -o doors.ply --class door --color instance
       mcpseg export out/ -o relabelled/ --scans scans/
       mcpseg export out/ -o objects/ --split ply --class chair,table
+      mcpseg export out/ -o tiles/ --split laz --tiles 20
       mcpseg export weights.safetensors -o model.onnx
     """
     from mcpseg_cli.export.targets import check_targets
@@ -113,12 +123,15 @@ def export(
 
     if scans is not None and split is not None:
         raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
+    if tiles is not None and split is None:
+        raise typer.BadParameter("--tiles needs --split FORMAT, the format of the tiles")
     request = _Request(
         _selection(class_names, instances, min_confidence, min_points, box),
         color or "rgb",
         PictureSettings(view, color or "class", cut, yaw),
         scans,
         split,
+        tiles,
     )
     run_folder = Path(source)
     check_targets(run_folder, outputs, fills_folder=bool(scans or split), overwrite=overwrite)
@@ -139,6 +152,7 @@ class _Request:
     pictures: PictureSettings
     scans: Path | None
     split: str | None
+    tiles: float | None
 
 
 @dataclass
@@ -208,7 +222,13 @@ def _draw(run: LabelledRun, output: Path, request: _Request) -> int:
 
 
 def _fill_folder(run: LabelledRun, output: Path, request: _Request, progress: _Progress) -> str:
-    """Write the relabelled scans, or a cloud for each object."""
+    """Write the relabelled scans, or a cloud for each object or tile."""
+    if request.tiles is not None:
+        from mcpseg_cli.export.tiles import write_tiles
+
+        suffix, edge = f".{request.split}", request.tiles
+        num_tiles = write_tiles(run, output, suffix, edge, request.selection, request.colour_by)
+        return f"{num_tiles:,} tiles"
     if request.scans is None:
         from mcpseg_cli.export.object_list import write_object_clouds
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import ScanFormat, Scanner
+from mcpseg_cli.choices import Engine, ScanFormat, Scanner
 from mcpseg_cli.cli.options import (
     InstanceField,
     Jobs,
@@ -21,9 +22,12 @@ from mcpseg_cli.cli.options import (
     SemanticField,
     number_of_jobs,
 )
+from mcpseg_cli.cli.recordings import run_all, words_of
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
+    from pydantic import JsonValue
+
     from mcpseg_cli.building import Building
     from mcpseg_cli.config import RaytraceSettings
     from mcpseg_cli.raytrace.record import RaytraceReport
@@ -34,6 +38,7 @@ _Degrees = float | None
 
 
 def raytrace(
+    context: typer.Context,
     areas: Annotated[
         list[Path],
         typer.Argument(
@@ -126,6 +131,16 @@ def raytrace(
     ] = None,
     semantic_field: SemanticField = None,
     instance_field: InstanceField = None,
+    engine: Annotated[
+        Engine | None,
+        typer.Option(
+            help="Areas side by side instead of one after another: -j processes of a thread each, "
+            "or the workers of a Dask cluster."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+    ] = None,
     jobs: Jobs = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -143,13 +158,10 @@ def raytrace(
     \b
     Examples:
       mcpseg raytrace s3dis/Area_1 --step 0.2
-      mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/
+      mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/ --engine processes
       mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
       mcpseg raytrace office.ply --scanner depth-camera --step 0.4 -o office_walk/
     """
-    import json
-
-    from mcpseg_cli.cli.display import print_table
     from mcpseg_cli.config import SCANNERS, RaytraceSettings
 
     settings = settings_of(
@@ -174,6 +186,23 @@ def raytrace(
     if len(areas) > 1 and (waypoints or plot):
         raise typer.BadParameter("--waypoints and --plot are for one area at a time")
 
+    if (engine == "dask") != (scheduler is not None):
+        raise typer.BadParameter("--engine dask and --scheduler ADDRESS go together")
+    if engine is not None:
+        words = words_of(context, ("output", "engine", "scheduler", "jobs", "as_json", "quiet"))
+        commands = [
+            (
+                "raytrace", str(area.resolve()), "-o", str(folder.resolve()), *words,
+                "-j", "1", "--json", "--quiet",
+            )
+            for area, folder in zip(areas, folders, strict=True)
+        ]  # fmt: skip
+        num_jobs = min(number_of_jobs(jobs), len(commands))
+        quiet = quiet or as_json
+        done = run_all(commands, "raytrace", engine, scheduler, jobs=num_jobs, quiet=quiet)
+        _tell([json.loads(outcome.stdout) for outcome in done], as_json=as_json)
+        return
+
     # area after area, each with its own table
     task = _Task(
         settings=settings,
@@ -187,12 +216,23 @@ def raytrace(
     )
     documents = []
     for area, folder in zip(areas, folders, strict=True):
-        report = task.trace(area, folder, waypoints, plot)
-        documents.append(report.model_dump(mode="json"))
+        documents.append(task.trace(area, folder, waypoints, plot).model_dump(mode="json"))
         if not as_json:
-            print_table(_rows(report))
+            _tell(documents[-1:], as_json=False)
+    if as_json:
+        _tell(documents, as_json=True)
+
+
+def _tell(documents: list[dict[str, JsonValue]], *, as_json: bool) -> None:
+    """Print reports as tables, or as one JSON document."""
+    from mcpseg_cli.cli.display import print_table
+    from mcpseg_cli.raytrace.record import RaytraceReport
+
     if as_json:
         typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+        return
+    for document in documents:
+        print_table(_rows(RaytraceReport.model_validate(document)))
 
 
 def _folders(areas: list[Path], output: Path | None) -> list[Path]:

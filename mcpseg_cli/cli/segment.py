@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Clustering, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.choices import (
+    Clustering,
+    Engine,
+    Labelling,
+    Method,
+    OnError,
+    Precision,
+    ScanFormat,
+)
 from mcpseg_cli.cli.following import Arriving
 from mcpseg_cli.cli.intake_options import (
     AskedIntake,
@@ -28,6 +36,7 @@ from mcpseg_cli.cli.intake_options import (
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
+    Jobs,
     Json,
     Overwrite,
     Quiet,
@@ -35,6 +44,7 @@ from mcpseg_cli.cli.options import (
     Verbose,
     WeightsName,
 )
+from mcpseg_cli.cli.recordings import segment_recordings, words_of
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
@@ -42,22 +52,37 @@ if TYPE_CHECKING:
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import Recording
+    from mcpseg_cli.incremental.column import Memory
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
     from mcpseg_cli.networks.weights import Weights
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
+_OF_RECORDINGS = (
+    "recordings", "engine", "scheduler", "jobs", "output", "overwrite", "as_json", "quiet", "rerun",
+)  # fmt: skip
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
+def _needed(context: typer.Context, parameter: typer.CallbackParam, value: Path | None) -> object:
+    """Refuse a recording without scans or poses, unless a table has the recordings."""
+    has_table = context.params.get("recordings") is not None
+    if (value is None) != has_table and not context.resilient_parsing:
+        found = "Missing argument" if value is None else "--recordings names all: leave out"
+        raise typer.BadParameter(f"{found} {parameter.metavar}")
+    return value
+
+
 def segment(
+    context: typer.Context,
     recording: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="RECORDING",
+            callback=_needed,
             help="Folder of scans in natural order (PLY, LAS, LAZ, NPZ, PCD, BIN, XYZ, PTS, TXT), "
             "also in folders in it; folder of RGB-D images; E57 or PTX file; ROS bag or MCAP file.",
         ),
-    ],
+    ] = None,
     poses: Annotated[
         Path | None,
         typer.Argument(
@@ -195,6 +220,32 @@ def segment(
             "power cut.",
         ),
     ] = False,
+    recordings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TABLE",
+            is_eager=True,
+            help="Instead of SCANS and POSES, many recordings: a CSV with a header of scans, poses "
+            "and, if wanted, transform, settings, name. Each gets its map in OUT/recordings/, "
+            "and OUT their merge.",
+        ),
+    ] = None,
+    engine: Annotated[
+        Engine, typer.Option(help="What runs --recordings: this machine, or a Dask cluster.")
+    ] = "processes",
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+    ] = None,
+    jobs: Jobs = None,
+    keep_near: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            metavar="METRES",
+            help="For endless runs: keep in memory what is this near the robot, horizontally; the "
+            "rest of the map waits in files in OUT, and comes back with the robot.",
+        ),
+    ] = None,
     device: Device = "cpu",
     seed: Seed = 0,
     overwrite: Overwrite = False,
@@ -218,7 +269,18 @@ def segment(
       mcpseg segment scans/ poses.csv -o out/ --method sgpn --offline -w sgpn-holdout6.safetensors
       mcpseg segment scans/ poses.csv -o out/ --rerun spawn
       mcpseg segment scans/ poses.tum -o out/ --frame sensor --follow --idle 60
+      mcpseg segment --recordings table.csv -o building/ --jobs 4
     """
+    if recordings is not None:
+        if output is None:
+            raise typer.BadParameter("--recordings needs a folder for the results: -o")
+        words = words_of(context, _OF_RECORDINGS)
+        segment_recordings(
+            recordings, output, words, engine, scheduler,
+            jobs=jobs, overwrite=overwrite, as_json=as_json, quiet=quiet,
+        )  # fmt: skip
+        return
+    assert recording is not None
     is_auto, local_range = local_range == "auto", None if local_range == "auto" else local_range
     if (offline and follow) or (idle is not None and not follow):
         raise typer.BadParameter("--follow labels scan by scan, and --idle says when it ends")
@@ -264,7 +326,10 @@ def segment(
     if is_auto or (local_range is None and _sees_rooms(chosen)):
         distance, found = _find_range(opened, taken, settings, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
-    segmenter = IncrementalSegmenter(chosen, settings, precision=precision, device=device)
+    memory = _memory(folder, keep_near, offline=offline)
+    segmenter = IncrementalSegmenter(
+        chosen, settings, precision=precision, device=device, memory=memory
+    )
     options = RunOptions(
         taken.intake.frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes),
         topic, opened.pairing_as_json(), taken.intake, durable,
@@ -292,8 +357,8 @@ def segment(
         else:
             _print_summary(run, opened, tally, taken, range_from=found, verbose=verbose)
 
-    if interrupt.asked and len(run.records) < len(opened):
-        _tell_how_to_continue(len(run.records), len(opened))
+    if interrupt.asked and (pending := _num_pending(run)):
+        _tell_how_to_continue(len(opened) - pending, len(opened))
         raise typer.Exit(130)
     _check_labelled(run, recording)
 
@@ -319,6 +384,19 @@ def _tell_what_was_read(
         notice(f"mcpseg: {recording.path.name}: {note}", quiet=quiet)
     if is_default:
         notice(f"mcpseg: results go to {folder}; -o changes it", quiet=quiet)
+
+
+def _memory(output: Path, keep_near: float | None, *, offline: bool) -> Memory:
+    """Choose where the map is."""
+    from mcpseg_cli.incremental.column import IN_MEMORY
+    from mcpseg_cli.segment.paging import PagedMemory
+
+    if keep_near is None:
+        return IN_MEMORY
+    if offline:
+        raise typer.BadParameter("--keep-near: --offline holds the complete cloud; leave one out")
+    output.mkdir(parents=True, exist_ok=True)
+    return PagedMemory(output, keep_near)
 
 
 def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
@@ -491,7 +569,7 @@ def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str,
         "pairing": recording.pairing_as_json(),
         "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
-        "peak_memory_mb": round(_peak_memory_mb(), 1),
+        "peak_memory_mb": round(peak_memory_mb(), 1),
         "resumed_from": run.resumed_from,
         "precision": run.segmenter.precision,
         "output": str(run.output),
@@ -539,7 +617,7 @@ def _print_summary(
     if ms := tally.percentiles():
         p50, p95, slowest = ms
         rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
-    rows.append(("peak memory", f"{_peak_memory_mb():,.0f} MB"))
+    rows.append(("peak memory", f"{peak_memory_mb():,.0f} MB"))
     rows.append(("map", str(run.output / "map.ply")))
     if verbose:
         medians = tally.stage_medians().items()
@@ -561,7 +639,8 @@ def _rounded(values: tuple[float, ...]) -> list[float]:
     return [round(value, 3) for value in values]
 
 
-def _peak_memory_mb() -> float:
+def peak_memory_mb() -> float:
+    """Return the most memory this process has had, MB."""
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -105,6 +105,8 @@ def follow_scans(
     voxels = VoxelMap(final.voxel_size)
     voxels.insert(xyz, np.zeros((len(xyz), 3), np.uint8))
     files = folder.labelled_scans()
+    if not files:  # all scans are of maps that were merged
+        return scans
     if problem := _find_problem(folder.path, files, final, voxels):
         return replace(scans, missing=f"{problem}; stability is not measured")
     try:

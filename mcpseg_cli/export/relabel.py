@@ -40,7 +40,7 @@ def check_scans(run: LabelledRun, scans: Path) -> Sequence[ScanSource]:
     Raises:
         InputError: One is missing or not the file that was labelled.
     """
-    used = [record for record in run.scans if record.error is None]
+    used = [record for record in run.scans if record.error is None and not record.is_merged]
     sources = _sources(run, scans, [record.name for record in used])
     found: list[ScanSource] = []
     for record in used:
@@ -53,13 +53,16 @@ def check_scans(run: LabelledRun, scans: Path) -> Sequence[ScanSource]:
             expected = f"the scan as {run.folder} was made from it"
             raise InputError(source.path, "changed since it was labelled", expected, "restore it")
         found.append(source.with_pose(record.pose))
+    if not found:
+        expected, remedy = "scans of its own", "give the runs that it was merged from"
+        raise InputError(run.folder, "a map of merged runs", expected, remedy)
     return found
 
 
 def _sources(run: LabelledRun, scans: Path, names: Sequence[str]) -> dict[str, ScanSource]:
     """Find scans by name: files of a folder, else what another recording holds."""
     files = [scans / name for name in names if (scans / name).is_file()]
-    if files:
+    if files or not names:
         sources = [ScanFile(path, None, scans) for path in files]
         return {source.name: source for source in sources}
     topic = run.settings.get("topic")

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 
 _SCALE = 32767  # unit embeddings are kept as 16-bit fractions of this
 _NONE = -1
@@ -23,13 +23,15 @@ class Clusters:
 
     Args:
         similarity: beta, the cosine similarity above which neighbours are connected.
+        memory: Where the rows of voxels are.
     """
 
-    def __init__(self, similarity: float) -> None:
+    def __init__(self, similarity: float, memory: Memory = IN_MEMORY) -> None:
         self._threshold = similarity * _SCALE**2
-        self._embedding = Column(np.int16, EMBEDDING)
-        self._instance = Column(np.int32)
-        self._next_member = Column(np.int32)  # the voxels of an object form a linked list
+        self._embedding = Column(np.int16, EMBEDDING, memory=memory)
+        self._instance = Column(np.int32, memory=memory)
+        # the voxels of an object form a linked list
+        self._next_member = Column(np.int32, memory=memory)
         self._first_member = Column(np.int32)  # by object id, as the next two
         self._last_member = Column(np.int32)
         self._survivor = Column(np.int32)

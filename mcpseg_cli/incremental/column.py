@@ -1,5 +1,8 @@
 """Growing arrays: what a map knows of its voxels and objects, one row each."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -15,16 +18,46 @@ to copy itself until it has four million voxels.
 """
 
 
+class Memory:
+    """Where rows are: in memory, all of them; ``segment.paging`` keeps those near the robot."""
+
+    holds_all = True
+    """Whether all rows are in memory."""
+
+    def rows(self, dtype: type[ScalarT], shape: tuple[int, ...], count: int) -> NDArray[ScalarT]:
+        """Give an array of at least so many rows of a shape, all zero."""
+        return np.zeros((count, *shape), dtype)
+
+    def leave(self, position: NDArray[np.float64], near: Near) -> None:
+        """Note where the robot is after a scan; what is far from it may leave memory.
+
+        Args:
+            position: (3,) float64, metres, map frame.
+            near: Lists the voxels within a distance of a place.
+        """
+
+    def leave_all(self) -> None:
+        """Let all rows leave memory; they come back when they are touched."""
+
+
+Near = Callable[[NDArray[np.float64], float, float], NDArray[np.int32]]
+"""As ``VoxelMap.near``: position, radius, height; ascending ids."""
+
+IN_MEMORY = Memory()
+
+
 class Column(Generic[ScalarT]):
     """Rows that are appended; an append costs O(rows appended), on average.
 
     Args:
         dtype: Type of an element.
         shape: Shape of one row; () for a plain number.
+        memory: Where they are.
     """
 
-    def __init__(self, dtype: type[ScalarT], *shape: int) -> None:
-        self._data: NDArray[ScalarT] = np.empty((RESERVED_ROWS, *shape), dtype)
+    def __init__(self, dtype: type[ScalarT], *shape: int, memory: Memory = IN_MEMORY) -> None:
+        self._memory = memory
+        self._data: NDArray[ScalarT] = memory.rows(dtype, shape, RESERVED_ROWS)
         self._count = 0
 
     @property
@@ -45,7 +78,8 @@ class Column(Generic[ScalarT]):
         start, end = self._count, self._count + count
         if end > len(self._data):
             capacity = max(end, 2 * len(self._data))
-            grown = np.empty((capacity, *self._data.shape[1:]), self._data.dtype)
+            dtype = self._data.dtype.type
+            grown: NDArray[ScalarT] = self._memory.rows(dtype, self._data.shape[1:], capacity)
             grown[:start] = self.rows
             self._data = grown
         self._count = end

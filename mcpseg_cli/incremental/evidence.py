@@ -14,13 +14,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 from mcpseg_cli.networks.sparse import NUM_FORWARD
 
 UNIT = 255
 """Evidence of one look of full weight."""
 
-_FULL = 65535 - UNIT  # sums above this are halved before the next look
+FULL = 65535 - UNIT  # sums above this are halved before the next look
 BLOCK = 64
 """Voxels, by id, whose evidence is written together."""
 
@@ -85,13 +85,14 @@ class Evidence:
 
     Args:
         num_classes: C.
+        memory: Where its rows are.
     """
 
-    def __init__(self, num_classes: int) -> None:
-        self._of_class = Column(np.uint16, num_classes)
-        self._together = Column(np.uint16, NUM_FORWARD)
-        self._apart = Column(np.uint16, NUM_FORWARD)
-        self._looks = Column(np.uint16)
+    def __init__(self, num_classes: int, memory: Memory = IN_MEMORY) -> None:
+        self._of_class = Column(np.uint16, num_classes, memory=memory)
+        self._together = Column(np.uint16, NUM_FORWARD, memory=memory)
+        self._apart = Column(np.uint16, NUM_FORWARD, memory=memory)
+        self._looks = Column(np.uint16, memory=memory)
 
     def __len__(self) -> int:
         return len(self.looks)
@@ -197,6 +198,13 @@ class Evidence:
         self._looks.append(looks[:, 0])
 
 
+def class_shares(evidence: NDArray[np.integer]) -> NDArray[np.float32]:
+    """Give (O, C) float32 shares of (O, C) class evidence; rows sum to 1, to 0 where is none."""
+    shares: NDArray[np.float32] = evidence.astype(np.float32)
+    shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1)
+    return shares
+
+
 @njit(cache=True)
 def _add_classes(
     ids: NDArray[np.int32],
@@ -207,7 +215,7 @@ def _add_classes(
     """Add weighted probabilities; a row in which one would not fit is halved first."""
     for row in range(ids.size):
         known = evidence[ids[row]]
-        if known.max() > _FULL:
+        if known.max() > FULL:
             known[:] = known >> 1
         for c in range(known.size):
             known[c] += np.uint16(weight[row] * probability[row, c] * UNIT + np.float32(0.5))
@@ -226,7 +234,7 @@ def _add_affinities(
         i = ids[row]
         for k in range(affinity.shape[1]):
             if not np.isnan(affinity[row, k]):
-                if max(together[i, k], apart[i, k]) > _FULL:
+                if max(together[i, k], apart[i, k]) > FULL:
                     together[i, k] >>= 1
                     apart[i, k] >>= 1
                 share = weight[row] * affinity[row, k] * UNIT + np.float32(0.5)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import MapSettings
+from mcpseg_cli.incremental.column import IN_MEMORY, Memory
 from mcpseg_cli.incremental.floor import find_floor
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
@@ -44,6 +45,7 @@ class GrowingMap:
 
     Args:
         settings: Edge of a voxel, range and floor.
+        memory: Where the rows of the map are.
 
     Attributes:
         voxels: The look-up table.
@@ -51,8 +53,8 @@ class GrowingMap:
             range.
     """
 
-    def __init__(self, settings: MapSettings) -> None:
-        self.voxels = VoxelMap(settings.voxel_size)
+    def __init__(self, settings: MapSettings, memory: Memory = IN_MEMORY) -> None:
+        self.voxels = VoxelMap(settings.voxel_size, memory)
         self.floor: float | None = None
         self._settings = settings
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 _NONE = -1
 _FEW = 0.02  # share of nodes: when fewer merge in a round, one pair after another is faster
+_TAIL = 0.001  # share of nodes: when fewer merge in a round, the rest waits for the whole graph
 
 
 @njit(cache=True, nogil=True)
@@ -49,7 +50,7 @@ def link(
     u, v, together, total = _contract(root, u, v, together, total)
     num_merged = count
     while num_merged > _FEW * count:
-        num_merged = _merge_mutual(root, size, u, v, together, total, threshold)
+        num_merged = _merge_mutual(root, size, u, v, together, total, threshold, count)
         if num_merged > 0:
             u, v, together, total = _contract(root, u, v, together, total)
 
@@ -62,6 +63,52 @@ def link(
             lowest[cluster] = i
         root[i], root[cluster] = cluster, cluster
     return lowest[root]
+
+
+@njit(cache=True, nogil=True)
+def link_inside(
+    ends: NDArray[np.int32],
+    together: NDArray[np.int64],
+    total: NDArray[np.int64],
+    threshold: float,
+    count: int,
+    num_inside: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+    """Merge, in a part of a graph, what ``link`` of the whole would merge, whatever lies outside.
+
+    A union is never more like a third cluster than the better of its two parts. So two clusters
+    that are each other's best neighbour, nodes outside included one by one, merge in the end; what
+    else merges is found out when the clusters of all parts are linked.
+
+    Args:
+        ends: (E, 2) int32 nodes that each edge joins; all edges of the nodes inside.
+        together: (E,) int64 evidence that both are of one object.
+        total: (E,) int64 evidence about that, for or against; above 0.
+        threshold: As for ``link``.
+        count: Nodes.
+        num_inside: Those that are of the part, the first ones.
+
+    Returns:
+        (num_inside,) int32 the lowest node of the cluster of each; (F, 2) int32 lowest nodes of
+        clusters inside that have a boundary; (F,) int64 together and (F,) int64 total along it.
+    """
+    root = np.arange(count).astype(np.int32)
+    size = np.ones(count, np.int64)
+    u, v = ends[:, 0].copy(), ends[:, 1].copy()
+    u, v, together, total = _contract(root, u, v, together, total)
+    num_merged = count
+    while num_merged > _TAIL * count:
+        num_merged = _merge_mutual(root, size, u, v, together, total, threshold, num_inside)
+        if num_merged > 0:
+            u, v, together, total = _contract(root, u, v, together, total)
+
+    cluster = np.empty(num_inside, np.int32)
+    for i in range(num_inside):
+        cluster[i] = _find(root, i)
+    inside = np.flatnonzero(v < num_inside)
+    pairs = np.empty((inside.size, 2), np.int32)
+    pairs[:, 0], pairs[:, 1] = u[inside], v[inside]
+    return cluster, pairs, together[inside], total[inside]
 
 
 @njit(cache=True, nogil=True)
@@ -133,8 +180,9 @@ def _merge_mutual(
     together: NDArray[np.int64],
     total: NDArray[np.int64],
     threshold: float,
+    num_inside: int,
 ) -> int:
-    """Merge clusters that are each other's best neighbour; return how many merged."""
+    """Merge the first clusters that are each other's best neighbour; return how many merged."""
     best = np.full(root.size, _NONE, np.int32)
     highest = np.full(root.size, threshold)
     for e in range(u.size):
@@ -147,7 +195,7 @@ def _merge_mutual(
     num_merged = 0
     for node in range(root.size):
         e = best[node]
-        if e != _NONE and u[e] == node and best[v[e]] == e:
+        if e != _NONE and u[e] == node and best[v[e]] == e and v[e] < num_inside:
             root[v[e]] = node  # the lower
             size[node] += size[v[e]]
             num_merged += 1

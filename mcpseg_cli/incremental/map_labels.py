@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 from mcpseg_cli.incremental.evidence import UNIT, Evidence, Look
 from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_rows import VoxelLabels
@@ -70,13 +70,16 @@ class FirstLooks:
     Args:
         classifier: What labels.
         num_classes: C.
+        memory: Where the rows of voxels are.
     """
 
-    def __init__(self, classifier: FirstClassifier, num_classes: int) -> None:
+    def __init__(
+        self, classifier: FirstClassifier, num_classes: int, *, memory: Memory = IN_MEMORY
+    ) -> None:
         self._classifier = classifier
         self._num_classes = num_classes
-        self._semantic = Column(np.uint8)
-        self._confidence = Column(np.float32)
+        self._semantic = Column(np.uint8, memory=memory)
+        self._confidence = Column(np.float32, memory=memory)
         self.evidence: Evidence | None = None
 
     @property
@@ -155,14 +158,22 @@ class AllLooks(FirstLooks):
         looker: What judges voxels.
         num_classes: C.
         only_first: Only the first look at each voxel counts.
+        memory: Where the rows of voxels are.
     """
 
-    def __init__(self, looker: Looker, num_classes: int, *, only_first: bool = False) -> None:
-        self._semantic = Column(np.uint8)
-        self._confidence = Column(np.float32)
+    def __init__(
+        self,
+        looker: Looker,
+        num_classes: int,
+        *,
+        only_first: bool = False,
+        memory: Memory = IN_MEMORY,
+    ) -> None:
+        self._semantic = Column(np.uint8, memory=memory)
+        self._confidence = Column(np.float32, memory=memory)
         self._num_classes = num_classes
         self._looker, self._only_first = looker, only_first
-        self.evidence: Evidence = Evidence(num_classes)
+        self.evidence: Evidence = Evidence(num_classes, memory)
 
     def looks_at(
         self, voxels: VoxelMap, observed: Observation, position: NDArray[np.float64]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.incremental.clustering import Clusters
+from mcpseg_cli.incremental.column import IN_MEMORY, Memory
 from mcpseg_cli.incremental.edges import Edges, EmbeddingEdges, EvidenceEdges
 from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_labels import FirstLooks
@@ -71,10 +72,11 @@ class ConnectedObjects(Clusters):
 
     Args:
         method: What says which neighbours may connect, and from which similarity on.
+        memory: Where the rows of voxels are.
     """
 
-    def __init__(self, method: AnyMethod) -> None:
-        super().__init__(method.similarity)
+    def __init__(self, method: AnyMethod, memory: Memory = IN_MEMORY) -> None:
+        super().__init__(method.similarity, memory)
         self._method = method
 
     def take_apart(
@@ -105,19 +107,20 @@ class ConnectedObjects(Clusters):
         self.restore_merges(history.merges)
 
 
-def make_objects(method: AnyMethod, labels: FirstLooks) -> MapObjects:
+def make_objects(method: AnyMethod, labels: FirstLooks, memory: Memory = IN_MEMORY) -> MapObjects:
     """Make what keeps the objects of a map.
 
     Args:
         method: What labels; its settings say which.
         labels: Those of the map.
+        memory: Where the rows of voxels are.
 
     Raises:
         McpsegError: The method has nothing that a graph could be made of.
     """
     settings = method.settings
     if settings.clustering != "graph":
-        return ConnectedObjects(method)
+        return ConnectedObjects(method, memory)
     if not method.classes:
         raise McpsegError(
             f"--clustering graph: {method.name} has no classes and no embedding; "
@@ -136,4 +139,5 @@ def make_objects(method: AnyMethod, labels: FirstLooks) -> MapObjects:
         threshold=settings.affinity,
         least=settings.object_voxels,
         reach=reach,
+        memory=memory,
     )

@@ -12,7 +12,7 @@ from numba import njit, types
 from numba.typed import Dict
 from numpy.typing import NDArray
 
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 
 _NONE = -1
 _HALF = 13  # of the 26 neighbours; those from there on are forward ones
@@ -23,16 +23,17 @@ class Membership:
 
     Args:
         num_classes: C.
+        memory: Where the rows of voxels are.
 
     Attributes:
         num_objects: How many have a voxel.
     """
 
-    def __init__(self, num_classes: int) -> None:
-        self._instance = Column(np.int32)
-        self._before = Column(np.int32)  # in the list of its object, as the next
-        self._after = Column(np.int32)
-        self._row = Column(np.int32)  # of a voxel in the window at hand
+    def __init__(self, num_classes: int, memory: Memory = IN_MEMORY) -> None:
+        self._instance = Column(np.int32, memory=memory)
+        self._before = Column(np.int32, memory=memory)  # in the list of its object, as the next
+        self._after = Column(np.int32, memory=memory)
+        self._row = Column(np.int32, memory=memory)  # of a voxel in the window at hand
         self._first = Column(np.int32)  # by object id, as the next two
         self._size = Column(np.int64)
         self._evidence = Column(np.int64, num_classes)

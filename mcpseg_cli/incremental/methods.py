@@ -11,6 +11,7 @@ from mcpseg_cli.choices import Method, Precision
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import McpsegError, WeightsError
 from mcpseg_cli.incremental.classification import NetworkClassifier
+from mcpseg_cli.incremental.column import IN_MEMORY, Memory
 from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
 from mcpseg_cli.incremental.region_growing import RegionGrower
 from mcpseg_cli.incremental.room_network import RoomNetwork
@@ -103,7 +104,7 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
     return loaded
 
 
-def make_labels(method: AnyMethod) -> FirstLooks:
+def make_labels(method: AnyMethod, memory: Memory = IN_MEMORY) -> FirstLooks:
     """Make what keeps the labels of a map: of first looks, as in the paper, or of all.
 
     Raises:
@@ -111,14 +112,15 @@ def make_labels(method: AnyMethod) -> FirstLooks:
     """
     labelling = method.settings.labelling
     if isinstance(method, RoomNetwork):
-        return AllLooks(method, len(method.classes), only_first=labelling == "first")
+        only_first = labelling == "first"
+        return AllLooks(method, len(method.classes), only_first=only_first, memory=memory)
     if labelling != "fused":
-        return FirstLooks(method, len(method.classes))
+        return FirstLooks(method, len(method.classes), memory=memory)
     if not isinstance(method, NetworkClassifier):
         raise McpsegError(
             f"--labelling fused: {method.name} tells no classes; expected a network; leave it out"
         )
-    return AllLooks(method, len(method.classes))
+    return AllLooks(method, len(method.classes), memory=memory)
 
 
 def make_method(

@@ -14,8 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.config import EMBEDDING
-from mcpseg_cli.incremental.column import Column
+from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
 from mcpseg_cli.incremental.edges import Edges
+from mcpseg_cli.incremental.evidence import class_shares
 from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
 from mcpseg_cli.incremental.linkage import link
 from mcpseg_cli.incremental.map_labels import FirstLooks
@@ -41,6 +42,7 @@ class ObjectGraph:
         certain: Share of the class evidence above which a class is not in doubt.
         reach: Metres around the robot within which voxels are put together anew; None: all those
             that are judged, and no others.
+        memory: Where the rows of voxels are.
     """
 
     def __init__(
@@ -53,12 +55,14 @@ class ObjectGraph:
         least: int,
         certain: float = 0.8,
         reach: float | None = None,
+        memory: Memory = IN_MEMORY,
     ) -> None:
         self._labels, self._edges = labels, edges
         self._threshold, self._least, self._certain = threshold, least, certain
         self._reach = reach
-        self._members = Membership(num_classes)
-        self._embedding = Column(np.int16, EMBEDDING)
+        self._memory = memory
+        self._members = Membership(num_classes, memory)
+        self._embedding = Column(np.int16, EMBEDDING, memory=memory)
         self._apart = _Apart.nothing()
 
     @property
@@ -82,9 +86,7 @@ class ObjectGraph:
         Rows sum to 1; to 0 for a voxel of no object.
         """
         owners, number = np.unique(self.instance[ids], return_inverse=True)
-        evidence = self._members.evidence[owners].astype(np.float32)
-        evidence /= np.maximum(evidence.sum(axis=1, keepdims=True), 1)
-        shares: NDArray[np.float32] = evidence[number]
+        shares: NDArray[np.float32] = class_shares(self._members.evidence[owners])[number]
         return shares
 
     def take_apart(
@@ -150,7 +152,7 @@ class ObjectGraph:
         cluster = link(size, ends, together, total, self._threshold, self._least)
         evidence = self._labels.class_evidence(ids)
         node_evidence = np.concatenate([evidence, members.evidence[outside]])
-        is_object = _are_objects(cluster, size, node_evidence, self._least, self._certain)
+        is_object = are_objects(cluster, size, node_evidence, self._least, self._certain)
         before = np.concatenate([old, outside])
         heirs = find_successors(before, size, cluster, is_object, members.num_ids)
         members.add_objects(heirs.num_new)
@@ -217,6 +219,7 @@ class ObjectGraph:
         for start in range(0, len(owner), _PART):
             ids = np.arange(start, min(start + _PART, len(owner)), dtype=np.int32)
             members.join(ids, owner[ids], self._labels.class_evidence(ids))
+            self._memory.leave_all()
 
         # every edge once: forward ones only
         for start in range(0, len(owner), _PART):
@@ -224,6 +227,7 @@ class ObjectGraph:
             neighbours = voxels.neighbours(ids)
             edges = self._edges.of(ids, neighbours, self.embedding)
             members.count_edges(1, ids, neighbours, edges, only_forward=True)
+            self._memory.leave_all()
 
     def _move_outside(
         self, voxels: VoxelMap, outside: NDArray[np.int32], owner: NDArray[np.int32]
@@ -341,7 +345,7 @@ def _hold(
 
 
 @njit(cache=True)
-def _are_objects(
+def are_objects(
     cluster: NDArray[np.int32],
     size: NDArray[np.int64],
     evidence: NDArray[np.int64],

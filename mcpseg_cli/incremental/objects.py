@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,18 +45,22 @@ class MapObject:
     obb_yaw_deg: float
 
 
-def objects_text(items: Iterable[MapObject]) -> Iterator[str]:
+def objects_text(
+    items: Iterable[MapObject], parts: Mapping[int, Mapping[str, list[int]]] | None = None
+) -> Iterator[str]:
     """Write an inventory as JSON with an indent of 1, object by object.
 
     Args:
         items: The objects.
+        parts: Of a merged map, by object: its ids in each part.
 
     Yields:
         Parts of the text.
     """
     opened = "["
     for item in items:
-        values = (f'  "{name}": {_value_text(value)}' for name, value in vars(item).items())
+        facts = vars(item) if parts is None else vars(item) | {"parts": parts.get(item.id, {})}
+        values = (f'  "{name}": {_value_text(value)}' for name, value in facts.items())
         yield opened + "\n {\n" + ",\n".join(values) + "\n }"
         opened = ","
     yield "\n]\n" if opened == "," else "[]\n"
@@ -66,7 +70,7 @@ def _value_text(value: object) -> str:
     """Write a number, a text or a place as ``json.dumps`` would in there."""
     if isinstance(value, tuple):
         return "[\n   " + ",\n   ".join(map(json.dumps, value)) + "\n  ]"
-    return json.dumps(value)
+    return json.dumps(value, indent=1).replace("\n", "\n  ")
 
 
 def list_objects(rows: MapRows, classes: tuple[str, ...]) -> list[MapObject]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Precision
 from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
+from mcpseg_cli.incremental.column import IN_MEMORY, Memory
 from mcpseg_cli.incremental.growing_map import GrowingMap
+from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.methods import make_labels, make_method
@@ -21,6 +23,8 @@ from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
 from mcpseg_cli.scan import Labels, Scan
+
+_PIECE = 1 << 18  # voxels touched before those far from the robot leave memory
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,7 @@ class IncrementalSegmenter:
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
             ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
+        memory: Where the rows of the map are.
 
     Attributes:
         method: What labels, made ready.
@@ -94,6 +99,7 @@ class IncrementalSegmenter:
         *,
         precision: Precision = "auto",
         device: str = "cpu",
+        memory: Memory = IN_MEMORY,
     ) -> None:
         self.method = make_method(method, settings or SegmentSettings(), precision, device)
         self.settings = self.method.settings
@@ -103,9 +109,10 @@ class IncrementalSegmenter:
 
         # the map: voxels, their classes, their objects
         self.num_scans = 0
-        self._growing_map = GrowingMap(self.settings)
-        self._labels = make_labels(self.method)
-        self.clusters = make_objects(self.method, self._labels)
+        self._memory, self._num_touched = memory, 0
+        self._growing_map = GrowingMap(self.settings, memory)
+        self._labels = make_labels(self.method, memory)
+        self.clusters = make_objects(self.method, self._labels, memory)
 
     @classmethod
     def load(
@@ -170,6 +177,7 @@ class IncrementalSegmenter:
 
         # report all changes
         self.num_scans += 1
+        self._memory.leave(scan.position, self.map.near)
         return ScanUpdate(
             index=self.num_scans - 1,
             point_ids=observed.point_ids,
@@ -210,7 +218,17 @@ class IncrementalSegmenter:
 
     def objects(self) -> list[MapObject]:
         """Take stock of the objects of the map as known now; the cost grows with the map."""
-        return list_objects(self.rows(), self.classes)
+        if self._memory.holds_all:
+            return list_objects(self.rows(), self.classes)
+        sizes = np.bincount(self.clusters.instance)
+        return list_by_batches(lambda first, last: self._pieces(), sizes, self.classes)
+
+    def _pieces(self) -> Iterator[MapRows]:
+        """Give the map's rows piece by piece; what was read leaves memory."""
+        rows = self.rows()
+        for start in range(0, len(rows), _PIECE):
+            yield rows.part(slice(start, start + _PIECE))
+            self._memory.leave_all()
 
     def rows(self, start: int = 0) -> MapRows:
         """Give the map's rows from voxel ``start`` on. Views, valid until the next scan."""
@@ -255,6 +273,7 @@ class IncrementalSegmenter:
             ValueError: The rows are not a map's, or lack evidence.
         """
         for part in parts:
+            self._leave_now_and_then(len(part))
             self.map.restore(part.xyz, part.rgb)
             self._labels.append(part.semantic, part.confidence)
             self.clusters.restore(part.embedding, part.instance)
@@ -263,6 +282,15 @@ class IncrementalSegmenter:
         if evidence is not None and (known := self._labels.evidence) is not None:
             for block in evidence:
                 known.restore(block)
+                self._leave_now_and_then(len(block))
             if len(known) != len(self.map):
                 raise ValueError(f"evidence about {len(known):,} of {len(self.map):,} voxels")
         self.clusters.finish_restore(self.map, history, goes_on=evidence is not None)
+        self._memory.leave_all()
+
+    def _leave_now_and_then(self, count: int) -> None:
+        """Let rows leave memory whenever many were touched."""
+        self._num_touched += count
+        if self._num_touched >= _PIECE:
+            self._num_touched = 0
+            self._memory.leave_all()

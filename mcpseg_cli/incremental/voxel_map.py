@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ContextWindow
 from mcpseg_cli.grid import voxel_of
-from mcpseg_cli.incremental.column import RESERVED_ROWS, Column
+from mcpseg_cli.incremental.column import IN_MEMORY, RESERVED_ROWS, Column, Memory
 
 _EMPTY = -1
 _BLOCK_BIAS = 1 << 20  # block indices are 21-bit: see grid.MAX_VOXEL
@@ -30,14 +30,16 @@ class VoxelMap:
 
     Args:
         voxel_size: Edge of a voxel, metres.
+        memory: Where its rows are.
     """
 
-    def __init__(self, voxel_size: float) -> None:
+    def __init__(self, voxel_size: float, memory: Memory = IN_MEMORY) -> None:
         self.voxel_size = voxel_size
-        self._xyz = Column(np.float32, 3)
-        self._rgb = Column(np.uint8, 3)
+        self._memory = memory
+        self._xyz = Column(np.float32, 3, memory=memory)
+        self._rgb = Column(np.uint8, 3, memory=memory)
         # id + 1, 0 for none: untouched memory is zero
-        self._block_ids = np.zeros((_RESERVED_BLOCKS, 64), np.int32)
+        self._block_ids: NDArray[np.int32] = memory.rows(np.int32, (64,), _RESERVED_BLOCKS)
         self._num_blocks = 0
         self._keys = np.full(_FIRST_KEYS, _EMPTY, np.int64)
         self._slots = np.empty(_FIRST_KEYS, np.int32)
@@ -186,7 +188,7 @@ class VoxelMap:
     def _grow(self) -> None:
         """Double what is full: the blocks, or the hash table, which is kept at most half full."""
         if self._num_blocks == len(self._block_ids):
-            grown = np.zeros((2 * len(self._block_ids), 64), np.int32)
+            grown: NDArray[np.int32] = self._memory.rows(np.int32, (64,), 2 * len(self._block_ids))
             grown[: self._num_blocks] = self._block_ids
             self._block_ids = grown
             return

@@ -34,6 +34,7 @@ from mcpseg_cli.segment.map_changes import (
     unpacked_moves,
 )
 from mcpseg_cli.segment.scan_record import ScanRecord
+from mcpseg_cli.segment.sources import Sources
 
 SCHEMA_VERSION = 4
 _TOGETHER = 1 << 14  # voxels that are read in one go, at least
@@ -62,6 +63,11 @@ CREATE TABLE voxels (
 CREATE TABLE outputs (
     name TEXT PRIMARY KEY, num_scans INTEGER NOT NULL, sha256 TEXT NOT NULL,
     checksum INTEGER NOT NULL) STRICT, WITHOUT ROWID;
+CREATE TABLE parts (
+    number INTEGER PRIMARY KEY, facts TEXT NOT NULL, checksum INTEGER NOT NULL) STRICT;
+CREATE TABLE sources (
+    part INTEGER NOT NULL, first_id INTEGER NOT NULL, voxels BLOB NOT NULL,
+    checksum INTEGER NOT NULL, PRIMARY KEY (part, first_id)) STRICT, WITHOUT ROWID;
 """
 
 _ScanRow = tuple[
@@ -89,6 +95,7 @@ class State:
         self.path = original or path
         self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path, is_durable=is_durable)
         self._known_sizes: list[_Sizes] | None = None
+        self.sources = Sources(self._database)
 
     def __enter__(self) -> State:
         return self
@@ -177,6 +184,36 @@ class State:
                 for number, (record, rows) in enumerate(scans, start=first)
             ]
         self._sizes.extend(sizes)
+
+    def add_scans(self, records: Sequence[ScanRecord]) -> None:
+        """Add scans of which the voxels are added by ``add_voxels``, in any number of calls."""
+        nothing = MapRows(*(np.empty((0, *shape), dtype) for dtype, shape in COLUMNS.values()))
+        self.commit_all([(record, nothing) for record in records])
+
+    def add_voxels(
+        self,
+        first_id: int,
+        rows: MapRows,
+        evidence: Mapping[int, NDArray[np.uint16]],
+        sources: Mapping[int, Moves],
+    ) -> None:
+        """Add voxels of scans that are here.
+
+        Args:
+            first_id: Of the first of them.
+            rows: Them, labels final.
+            evidence: By number of the block, see ``Evidence.blocks``.
+            sources: By number of the part that has them, see ``Sources.insert``.
+        """
+        with self._database.transaction():
+            self._insert_voxels(first_id, rows)
+            self._insert_evidence(evidence)
+            for part, voxels in sources.items():
+                self.sources.insert(first_id, part, voxels)
+
+    def first_rows(self) -> Iterator[MapRows]:
+        """Iterate over every voxel with the labels it had when first seen, see ``map_rows``."""
+        return self._first_rows()
 
     def _insert(
         self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges

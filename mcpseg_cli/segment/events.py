@@ -89,7 +89,24 @@ class SkippedEvent:
     skipped: str
 
 
-Event = LabelledEvent | SkippedEvent
+@dataclass(frozen=True)
+class MergedEvent:
+    """A scan is in the map because a map that has it was merged into this one.
+
+    Attributes:
+        scan: Its number, from 0.
+        name: Its name in that map, after the map's.
+        points: Points in it.
+        merged: Name of the map.
+    """
+
+    scan: int
+    name: str
+    points: int
+    merged: str
+
+
+Event = LabelledEvent | SkippedEvent | MergedEvent
 
 
 def event_text(event: Event, ms: Mapping[str, float] | None = None) -> str:
@@ -111,7 +128,10 @@ def parse_event(text: str) -> Event:
     """
     facts = json.loads(text)
     try:
-        return SkippedEvent(**facts) if "skipped" in facts else LabelledEvent(**facts)
+        kinds = {"skipped": SkippedEvent, "merged": MergedEvent}
+        found = [kind for key, kind in kinds.items() if key in facts]
+        event: Event = (found or [LabelledEvent])[0](**facts)
+        return event
     except TypeError as error:
         raise ValueError(f"no event: {text[:80]}") from error
 
@@ -172,6 +192,7 @@ class _Line(BaseModel):
 
     name: Annotated[str, AfterValidator(check_file_name)]
     skipped: str | None = None
+    merged: str | None = None
     ms: dict[str, Annotated[float, Field(ge=0.0, le=1e12)]] | None = None
 
 
@@ -181,7 +202,7 @@ class ScanEvent:
 
     Attributes:
         name: File name of the scan.
-        skipped: Whether it could not be read.
+        skipped: Whether it was not read in this run: it could not be, or is of a merged map.
         ms: Milliseconds from reading it to the last output; None where this was not kept.
     """
 
@@ -205,7 +226,8 @@ def read_events(path: Path) -> list[ScanEvent]:
         try:
             entry = _Line.model_validate_json(line)
             total = None if entry.ms is None else sum(entry.ms.values())
-            events.append(ScanEvent(entry.name, entry.skipped is not None, total))
+            is_elsewhere = entry.skipped is not None or entry.merged is not None
+            events.append(ScanEvent(entry.name, is_elsewhere, total))
         except ValidationError as error:
             found = f"line {number:,} that is no event"
             raise InputError(

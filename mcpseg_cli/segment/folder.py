@@ -44,6 +44,22 @@ def held_folder(
         yield
 
 
+def prepare_empty(output: Path) -> None:
+    """Make the folder of a run that is made at once, or see that it has no files of a run.
+
+    Raises:
+        OutputError: It has, or a link leads out of it.
+        OSError: The folder cannot be made.
+    """
+    if (output / _STATE).exists():
+        raise OutputError(
+            f"{output}: has a run; expected an empty folder; choose another -o, or give --overwrite"
+        )
+    _check_links(output)
+    _check_content(output)
+    output.mkdir(parents=True, exist_ok=True)
+
+
 def _check_place(output: Path, recording: Sequence[ScanSource]) -> None:
     """Refuse an output folder in which results would lie among the input, or that is none."""
     own = (output.resolve(), (output / "scans").resolve())

@@ -93,6 +93,15 @@ class LabelledMap:
             self._write(0, self._header(len(rows)))
         self._count = len(rows)
 
+    def append(self, rows: MapRows) -> None:
+        """Append vertices; they count from ``finish`` on."""
+        self._write(self._offset(self._count), _vertices(rows, slice(None)))
+        self._count += len(rows)
+
+    def finish(self) -> None:
+        """Write the header for all vertices appended."""
+        self._write(0, self._header(self._count))
+
     def reconcile(self, rows: MapRows) -> None:
         """Make the file equal to the map, writing only where it differs.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from types import TracebackType
 
@@ -78,6 +78,10 @@ class Outputs:
         for folder in (self.folder, scans, *scans.rglob("*/")):
             remove_leftovers(folder)
         self._map.reconcile(rows)
+        self.reconcile_events(events)
+
+    def reconcile_events(self, events: Sequence[Event]) -> None:
+        """Bring events.jsonl to where the checkpoint is, see ``reconcile``."""
         reconcile_events(self.folder / "events.jsonl", events)
         if self._is_durable:
             (self.folder / "events.jsonl").touch()
@@ -110,14 +114,23 @@ class Outputs:
         """Append a line to events.jsonl, see ``events.append_event``."""
         append_event(self.folder / "events.jsonl", event, ms, is_durable=self._is_durable)
 
-    def write_objects(self, objects: Sequence[MapObject]) -> str:
-        """Write objects.json, object by object; return its SHA-256."""
+    def write_objects(
+        self,
+        objects: Iterable[MapObject],
+        parts: Mapping[int, Mapping[str, list[int]]] | None = None,
+    ) -> str:
+        """Write objects.json, object by object; return its SHA-256.
+
+        Args:
+            objects: All.
+            parts: Of a merged map, by object: the ids in each part, see ``Sources.of_objects``.
+        """
         digest = hashlib.sha256()
         with (
             whole_file(self.folder / OBJECTS, is_durable=self._is_durable) as partial,
             partial.open("wb") as file,
         ):
-            for text in objects_text(objects):
+            for text in objects_text(objects, parts):
                 data = text.encode()
                 digest.update(data)
                 file.write(data)

@@ -123,6 +123,8 @@ class SegmentRun:
         self._check_request()
         self.records = self._state.scans()
         self.pending = check_consumed(recording, self.records, self._state.path)
+        merged = [record for record in self.records if record.is_merged]
+        self._merged = {record.file.sha256: record.name for record in merged}
         self.resumed_from = len(self.records)
         if self.options.offline and self.resumed_from and self.pending:
             raise StateError(
@@ -177,13 +179,16 @@ class SegmentRun:
         """Read a scan as this run takes it.
 
         Raises:
-            InputError: It is damaged.
+            InputError: It is damaged, or a map that was merged into this one has consumed it.
             OSError: It cannot be read.
         """
-        if isinstance(source, ScanFile):
-            file, points = read_settled(source.path, lambda: self._read_points(source))
-        else:  # a part of a container, whose fingerprint is of its own content
+        if not isinstance(source, ScanFile):  # a part of a container, with a content of its own
             file, points = source.fingerprint(), self._read_points(source)
+        else:
+            file, points = read_settled(source.path, lambda: self._read_points(source))
+        if (known := self._merged.get(file.sha256)) is not None:
+            found, expected = f"in the map already, as {known}", "a scan that no merged map has"
+            raise InputError(source.path, found, expected, "leave it out")
         return ReadScan(source, file, *points)
 
     def _read_points(self, source: ScanSource) -> tuple[Scan, Cloud]:
@@ -205,7 +210,8 @@ class SegmentRun:
             return
         before = self._state.written(OBJECTS)
         if before is None or before != self.outputs.hash_of_objects():
-            sha256 = self.outputs.write_objects(self.segmenter.objects())
+            parts = self._state.sources.of_objects(self.segmenter.clusters.instance)
+            sha256 = self.outputs.write_objects(self.segmenter.objects(), parts)
             self._state.set_written(OBJECTS, sha256)
 
     def label(self, read: ReadScan, started: float) -> ScanReport:
@@ -299,7 +305,8 @@ class SegmentRun:
     def _write_lost_scans(self, recording: Sequence[ScanSource]) -> None:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
-        for number, (record, source) in enumerate(zip(self.records, recording, strict=False)):
+        own = [each for each in enumerate(self.records) if not each[1].is_merged]
+        for (number, record), source in zip(own, recording, strict=False):
             if record.error is not None or self.outputs.has_labelled(record):
                 continue
             path = self.outputs.labelled_scan(record.name)

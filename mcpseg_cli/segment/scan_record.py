@@ -13,7 +13,7 @@ from mcpseg_cli.errors import InputError, StateError
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.scan_source import ScanSource, pose_of
 from mcpseg_cli.resumable import printable
-from mcpseg_cli.segment.events import Event, SkippedEvent
+from mcpseg_cli.segment.events import Event, MergedEvent, SkippedEvent
 
 NOT_READ = Fingerprint(0, 0, "")
 """Stands for the fingerprint of a scan that could not be read."""
@@ -44,6 +44,11 @@ class ScanRecord:
     error: str | None
     event: Event
     output_size: int
+
+    @property
+    def is_merged(self) -> bool:
+        """Whether it was consumed by a map that was merged into this one."""
+        return isinstance(self.event, MergedEvent)
 
     def is_of(self, source: ScanSource) -> bool:
         """Tell whether a scan has still the pose and content that were consumed."""
@@ -79,7 +84,7 @@ def check_consumed(
 
     Args:
         recording: All scans, in order.
-        records: The consumed ones.
+        records: The consumed ones; those of merged maps are passed over.
         state_path: The checkpoint that has them.
 
     Returns:
@@ -88,6 +93,7 @@ def check_consumed(
     Raises:
         StateError: A consumed scan is missing, moved or changed.
     """
+    records = [record for record in records if not record.is_merged]
     if len(recording) < len(records):
         raise StateError(
             f"{state_path}: {len(records):,} scans consumed, {len(recording):,} given; "

@@ -106,10 +106,11 @@ def test_class_names_in_a_csv_of_objects_are_guarded(labelled_run, tmp_path):
 # --- files of a run ---
 
 
-@pytest.mark.parametrize("name", ["../x", "/etc/passwd", "a/b", "..", ".", "", "a\0b"])
+@pytest.mark.parametrize("name", ["../x", "/etc/passwd", "a/../b", "a//b", "..", ".", "", "a\0b"])
 def test_names_that_lead_elsewhere_are_no_file_names(name):
     assert not is_file_name(name)
     assert is_file_name("000001.ply")
+    assert is_file_name("run1/000001.ply")
 
 
 BAD_LINES = [

@@ -161,6 +161,20 @@ def test_several_areas_get_a_folder_each(room, tmp_path):
     assert files_of(tmp_path / "d/room/scans") == files_of(tmp_path / "d/other/scans")
 
 
+def test_areas_side_by_side_get_the_same_scans(room, tmp_path):
+    write_cloud(tmp_path / "other.ply", make_room(seed=1))
+    areas, options = (room, tmp_path / "other.ply"), ("--step", "2", *COARSE)
+    assert invoke("raytrace", *areas, "-o", tmp_path / "one", *options).exit_code == 0
+    words = ("-o", tmp_path / "two", *options, "--engine", "processes", "--json")
+    result = invoke("raytrace", *areas, *words)
+    assert result.exit_code == 0, result.output
+    names = [Path(document["output"]).name for document in json.loads(result.stdout)]
+    assert names == [room.stem, "other"]
+    for path in (tmp_path / "one").rglob("*.ply"):
+        other = tmp_path / "two" / path.relative_to(tmp_path / "one")
+        assert path.read_bytes() == other.read_bytes()
+
+
 def test_two_areas_of_one_name_are_a_usage_error(room):
     result = invoke("raytrace", room, room)
     assert result.exit_code == 2
