@@ -516,7 +516,7 @@ def test_kernels_that_cannot_be_kept_are_one_line_and_no_other_failure_is_hidden
 ):
     said = "cannot cache function 'f': no locator available for file 'f.py'"
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise RuntimeError(said)
 
     monkeypatch.setattr("mcpseg_cli.formats.recording.pair_recording", refuse)
