@@ -257,7 +257,8 @@ def _without_repetition(path: Path, poses: Poses) -> Poses:
     poses = poses.select(np.array(kept, np.intp))
 
     names = poses.scans or ()
-    if len(set(names)) != len(names) and len(set(names)) > 1:
+    is_told_otherwise = poses.stamps is not None or poses.ids is not None
+    if len(set(names)) != len(names) and not (len(set(names)) == 1 and is_told_otherwise):
         repeated = next(name for name in names if names.count(name) > 1)
         found = f"scan {repeated} appears {names.count(repeated)} times"
         raise InputError(path, found, "one row a scan", "remove all but one")
