@@ -59,7 +59,9 @@ def evaluate(
     instance_field: InstanceField = None,
     allow_partial: Annotated[
         bool,
-        typer.Option("--allow-partial", help="Exit 0 also where the map covers under half of GT."),
+        typer.Option(
+            "--allow-partial", help="Exit 0 also where the map covers under half of what it could."
+        ),
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -70,7 +72,8 @@ def evaluate(
     object, is counted and not scored.
 
     A map that covers under half of GT says so first, and the command exits 1 unless
-    --allow-partial is given: of the rest the figures say nothing.
+    --allow-partial is given: of the rest the figures say nothing. Where GT is one cloud a scan, and
+    the run has fewer scans, it is half of what so many scans are of them.
 
     Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given
     with a room as the unit, too: means over rooms for points and clusters; objects match within
@@ -138,7 +141,7 @@ def _check_coverage(runs: list[Scores]) -> None:
     from mcpseg_cli.errors import BelowThresholdError
 
     for run in runs:
-        if run.counts.truth_covered_share < _PARTIAL:
+        if run.counts.truth_covered_share < _PARTIAL * run.scans_share:
             raise BelowThresholdError(
                 f"{run.output}: covers {_covered(run)}; expected half of it or more; check that "
                 "both are of the same place in the same frame, or give --allow-partial"

@@ -87,6 +87,8 @@ class Scores:
         rooms: The same with a room as the unit; None where the truth names none.
         scan_by_scan: What the scans of the run tell; None for one cloud.
         mapped: What a class map made of the classes; None without one.
+        scans_share: Scans of the run, as a share of the true clouds where these are more: what
+            a map of some of the scans can cover.
         notices: Lines the user should know.
     """
 
@@ -106,6 +108,7 @@ class Scores:
     rooms: RoomScores | None
     scan_by_scan: ScanByScan | None = None
     mapped: MappedClasses | None = None
+    scans_share: float = 1.0
     notices: tuple[str, ...] = ()
 
     def document(self) -> dict[str, object]:
@@ -195,7 +198,16 @@ def evaluate_run(
         mapped = MappedClasses(class_map.source, *sides)
     scores = _score(prediction, source, paired, table)
     told_of = tuple(notice for notice in notices if notice)
-    return replace(scores, scan_by_scan=scans, mapped=mapped, notices=told_of)
+    share = _scans_share(prediction, source)
+    return replace(scores, scan_by_scan=scans, mapped=mapped, scans_share=share, notices=told_of)
+
+
+def _scans_share(prediction: Prediction, truth: Truth) -> float:
+    """Tell which share of the true clouds there are scans of, by their numbers; 1 if unknown."""
+    events = prediction.folder.events if prediction.folder else None
+    if not events or len(truth.paths) < 2:
+        return 1.0
+    return min(1.0, len(events) / len(truth.paths))
 
 
 @dataclass(frozen=True)

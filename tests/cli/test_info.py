@@ -186,13 +186,24 @@ def test_the_summary_says_what_colours_were_taken_for(tmp_path, weights_path, ch
 def test_eval_of_a_part_says_so_first_and_fails_unless_allowed(tmp_path, weights_path):
     walk = write_walk(tmp_path / "in", lambda xyz: xyz + np.array([-32.0, -22.0, 0.0]), num_scans=2)
     assert segment(walk, tmp_path / "out", "-w", weights_path).exit_code == 0
-    partial = invoke("eval", tmp_path / "out", WALK / "gt", "--json")
+    truth = tmp_path / "truth.npz"
+    parts = [read_cloud(path) for path in sorted((WALK / "gt").glob("*.ply"))]
+    columns = {
+        name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns
+    }
+    write_cloud(truth, replace(parts[0], columns=columns))
+    partial = invoke("eval", tmp_path / "out", truth, "--json")
     assert partial.exit_code == 1
     assert "only" in partial.stderr.splitlines()[0]
     assert "give --allow-partial" in partial.stderr.splitlines()[-1]
     assert json.loads(partial.stdout)["truth_points"] > 0
-    allowed = invoke("eval", tmp_path / "out", WALK / "gt", "--allow-partial", "-q")
+    allowed = invoke("eval", tmp_path / "out", truth, "--allow-partial", "-q")
     assert (allowed.exit_code, allowed.stderr) == (0, "")
+
+    # of truth scan by scan, only what so many scans can see is asked for
+    by_scan = invoke("eval", tmp_path / "out", WALK / "gt")
+    assert by_scan.exit_code == 0
+    assert "only" in by_scan.stderr.splitlines()[0]
 
 
 def test_eval_takes_labels_by_other_names(tmp_path, weights_path):

@@ -25,7 +25,8 @@ def runs(tmp_path_factory, unet_path):
         assert segment(recording, folder / name, "-w", unet_path).exit_code == 0
     scans, poses = write_recording(folder / "in" / "none", num_scans=1, seed=9)
     poses.write_text("x,y,z\n50,50,0\n")
-    assert segment((scans, poses), folder / "none", "-w", unet_path).exit_code == 0
+    nothing = segment((scans, poses), folder / "none", "-w", unet_path)
+    assert "nothing was labelled" in nothing.stderr
     return folder
 
 
