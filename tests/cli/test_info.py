@@ -1,6 +1,7 @@
 """``mcpseg info``, and the same look in ``mcpseg segment``."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
