@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from mcpseg_cli.choices import View
 from mcpseg_cli.export.colours import colouring
+from mcpseg_cli.export.floors import floor_heights
 from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
@@ -98,7 +99,7 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     """Gather what is to be drawn."""
     selection.check(run)
     colour = colouring(run, settings.colour_by)
-    floor = _floors(run)
+    floor = floor_heights(run)
 
     # what is chosen and not cut off, part by part
     xyz, rgb, present = [], [], np.zeros(256, bool)
@@ -117,20 +118,6 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     entries.append(LegendEntry("robot path", _PATH_COLOUR, is_line=True))
     voxel_size = float(str(run.settings["voxel_size"]))
     return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], voxel_size, entries)
-
-
-def _floors(run: LabelledRun) -> NDArray[np.float64]:
-    """Return (S,) the floor's height at each scan.
-
-    Where it was not known, it is that of the scan before that knew it, else of the first that did.
-    """
-    heights = np.array([np.nan if record.floor is None else record.floor for record in run.scans])
-    known = np.flatnonzero(np.isfinite(heights))
-    if len(known) == 0:
-        return np.zeros(len(heights))
-    nearest = np.searchsorted(known, np.arange(len(heights)), side="right") - 1
-    filled: NDArray[np.float64] = heights[known[np.maximum(nearest, 0)]]
-    return filled
 
 
 def _draw(

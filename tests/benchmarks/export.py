@@ -52,7 +52,7 @@ def make_run(folder: Path, voxels: int) -> None:
             known = (number + 1) * PER_SCAN
             name = f"{number:06d}.ply"
             event = LabelledEvent(
-                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0, 0.0
+                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [[number * 40 + 40, max(number * 40 - 1, 1)]], [], 0, 0, 0.0
             )
             record = ScanRecord(
                 name, NOT_READ, pose, 2 * PER_SCAN, known, 0.0, None, event, output_size=1
