@@ -14,15 +14,15 @@ from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")
 UNKNOWN_COLOUR = (112, 112, 144)
 # No two of these, nor the colour of no class, are nearer than 12 (CIEDE2000) to a reader with
-# normal sight, deuteranopia or protanopia; each stands out from a dark panel by 3 to 1 and more,
-# and none is as light as the white that marks what is picked. tests/benchmarks/palette.py measures.
+# normal sight, deuteranopia or protanopia, nor is any to the white that marks what is picked; each
+# stands out from a dark panel by 3 to 1 and more. tests/benchmarks/palette.py measures.
 _CLASS_COLOURS = {
     "ceiling": "#d0e0ff",
     "floor": "#f0e098",
     "wall": "#889088",
     "beam": "#a09018",
     "column": "#d888b8",
-    "window": "#a8d8c8",
+    "window": "#a0d0bc",
     "door": "#985808",
     "table": "#5898ff",
     "chair": "#e01060",

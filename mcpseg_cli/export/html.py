@@ -67,6 +67,7 @@ def page_text(name: str, page_map: PageMap, moment: str | None = None) -> str:
         "connect": "'none'" if moment is None else "'self'",
         "facts": _as_script_json(page_map.facts | {"moment": moment}),
         "cloud": base64.b64encode(page_map.packed).decode("ascii"),
+        "licence": (page / "three.LICENSE").read_text("utf-8"),
         "library": base64.b64encode(zlib.compress(library, 9)).decode("ascii"),
         "style": (page / "page.css").read_text("utf-8"),
         "script": "\n".join(scripts),

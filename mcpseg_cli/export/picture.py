@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 from mcpseg_cli.choices import View
 from mcpseg_cli.export.colours import colouring
 from mcpseg_cli.export.floors import floor_heights
-from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
+from mcpseg_cli.export.legend import LegendEntry, legend_entries, scale_entry, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings
@@ -66,8 +66,7 @@ def write_picture(
     """
     scene = _collect(run, selection, settings)
     yaw_deg = YAW_DEG[settings.view] if settings.yaw_deg is None else settings.yaw_deg
-    picture = _draw(scene, settings.view, yaw_deg, _SIZE)
-    _save(with_legend(picture, scene.entries), path)
+    _save(_draw(scene, settings.view, yaw_deg, _SIZE), path)
     return len(scene.xyz)
 
 
@@ -81,7 +80,6 @@ def write_turntable(
         _draw(scene, settings.view, yaw_deg, _TURNTABLE_SIZE, is_turning=True)
         for yaw_deg in turns.tolist()
     ]
-    frames = [with_legend(frame, scene.entries) for frame in frames]
     _save(frames[0], path, frames[1:])
     return len(scene.xyz)
 
@@ -123,7 +121,11 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
 def _draw(
     scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning: bool = False
 ) -> Image.Image:
-    """Draw the scene from one direction; the longest side of the picture has that many pixels."""
+    """Draw the scene from one direction, with its legend and scale.
+
+    The longest side of the picture without them has that many pixels. In perspective the scale is
+    that of the middle of the map.
+    """
     # the camera looks at the middle, whatever stray points there are
     low, high = np.percentile(scene.xyz, (0.1, 99.9), axis=0)
     reach = float(np.linalg.norm(high - low))
@@ -154,7 +156,8 @@ def _draw(
     image, nearest = draw_points(place(plane), depth, radius, scene.rgb, (rows, columns), bulge)
     picture = Image.fromarray(shade(image, nearest, _reaches(radius)))
     _draw_path(picture, place(camera.project(scene.path)[0]))
-    return picture.resize((columns // _OVERSIZE, rows // _OVERSIZE), Image.Resampling.BOX)
+    small = picture.resize((columns // _OVERSIZE, rows // _OVERSIZE), Image.Resampling.BOX)
+    return with_legend(small, [*scene.entries, scale_entry(small.width, scale / _OVERSIZE)])
 
 
 def _reaches(radius: NDArray[np.float64]) -> tuple[int, ...]:

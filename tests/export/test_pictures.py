@@ -15,6 +15,7 @@ from mcpseg_cli.export.colours import (
     confidence_colours,
     instance_colours,
 )
+from mcpseg_cli.export.legend import scale_entry
 from mcpseg_cli.export.picture import write_picture, write_turntable
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
@@ -216,6 +217,26 @@ def test_a_turntable_turns(run, tmp_path):
             file.seek(number)
             frames.append(np.asarray(file.convert("RGB")).astype(int))
     assert (np.abs(frames[0] - frames[1]).sum(axis=2) > 60).mean() > 0.02
+
+
+@pytest.mark.parametrize("width", [120, 1600])
+@pytest.mark.parametrize("pixels", [0.31, 7.0, 160.0, 4000.0])
+def test_a_scale_is_a_round_number_of_metres_and_as_long_as_it_says(width, pixels):
+    entry = scale_entry(width, pixels)
+    metres = float(entry.name.removesuffix(" m"))
+    assert float(f"{metres:.0e}"[0]) in (1, 2, 5)
+    assert entry.length == round(metres * pixels)
+    assert 0.06 * width - 1 <= entry.length <= 0.16 * width + 1
+
+
+def test_the_scale_is_drawn_as_long_as_the_map_says(run, tmp_path):
+    # the only long dark line under the picture is that of the scale
+    drawn = picture_of(run, tmp_path / "map.png", view="top")
+    corner = np.percentile(run.whole().xyz[:, :2], (0.1, 99.9), axis=0)
+    metre = 400 / (np.ptp(corner, axis=0).max() * 1.06 + 0.2)
+    is_dark = (drawn[:, :400] == (30, 30, 30)).all(axis=2)
+    longest = max(int(row.sum()) for row in is_dark)
+    assert longest == pytest.approx(scale_entry(400, metre).length, rel=0.1, abs=3)
 
 
 def test_pictures_of_one_voxel_do_not_fail(run, tmp_path):

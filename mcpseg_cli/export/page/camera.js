@@ -88,8 +88,8 @@ class Eye {
     return { covered: cells.size, target: world(inner), position: world(away) };
   }
 
-  /** Move there; without a flight where it is sudden. */
-  lookAt(target, position, isSudden) {
+  /** Move there; without a flight where it is sudden, or where people asked for less motion. */
+  lookAt(target, position, isSudden = matchMedia("(prefers-reduced-motion: reduce)").matches) {
     const ends = [new THREE.Vector3(...target), new THREE.Vector3(...position)];
     const starts = [this.controls.target.clone(), this.camera.position.clone()];
     const flight = (this.flight = {});

@@ -128,11 +128,14 @@ function listenToKeys(viewer, picker, timeline, measure) {
     f: () => viewer.fit(),
     s: () => saveScreenshot(viewer),
   };
+  let isTabbing = false; // whether a control was reached by keys
+  window.addEventListener("pointerdown", () => { isTabbing = false; }, true);
   window.addEventListener("keydown", (event) => {
     const { target } = event;
     const isTyping = target.matches?.("input[type=search]");
     if (event.ctrlKey || event.metaKey || event.altKey || (isTyping && event.key !== "Escape")) return;
-    if (event.key === " " && target.matches?.("button, input[type=checkbox]")) return;
+    if (event.key === "Tab") isTabbing = true;
+    if (event.key === " " && isTabbing && target.matches?.("button, input")) return; // it presses that
     const colour = /^[1-9]$/.test(event.key) ? element("colours").children[Number(event.key) - 1] : undefined;
     const action = colour ? () => colour.click() : press[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;
