@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mcpseg_cli.export.normals import surface_normals
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _LEAST_CUT = 1.6  # metres above the floor: what is lower is no ceiling
@@ -51,3 +52,19 @@ def below_ceiling(height: NDArray[np.floating], normal: NDArray[np.floating]) ->
     lowest = int(np.argmax(layers >= _LAYER_SHARE * layers.max()))
     ceiling = _LEAST_CUT + (lowest - 0.5) * _BIN
     return round(max(_KEPT * ceiling, _LEAST_CUT), 2)
+
+
+def are_below_ceiling(
+    run: LabelledRun, xyz: NDArray[np.float32], scan: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Mark the voxels that stay where the lowest ceiling is cut off; all where there is none.
+
+    Args:
+        run: The map.
+        xyz: (N, 3) float32 voxels of it, metres, map frame.
+        scan: (N,) int32 the scans that first saw them.
+    """
+    height = xyz[:, 2] - floor_heights(run)[scan]
+    normal = surface_normals(xyz, run.poses[scan, :3, 3], run.voxel_size)
+    cut = below_ceiling(height, normal)
+    return np.ones(len(xyz), bool) if cut is None else height <= cut

@@ -24,7 +24,7 @@ _OVERSIZE = 2  # pixels drawn for each that is kept, in both directions
 _RADIUS = 1.0  # of a disc, in voxels: points lie anywhere in their voxel, and surfaces shall close
 _MARGIN = 0.03  # of the picture's longer side, around the map
 _FRAMES = 48  # of a turntable
-_PATH_COLOUR, _PATH_EDGE = (190, 0, 60), (255, 255, 255)
+_PATH_COLOUR, _PATH_EDGE = (24, 24, 24), (255, 255, 255)
 
 
 @dataclass(frozen=True)
