@@ -33,8 +33,8 @@ _CLASS_COLOURS = {
 }
 # for classes of other tables, after those colours above that their table leaves free
 _MORE_COLOURS = (
-    "#60ffc8", "#1858ff", "#e0f030", "#607070", "#30c0ff", "#a078c0", "#587838", "#b8b8a0",
-    "#309898", "#28c8d8", "#80a058", "#b0a8a8",
+    "#58c8ff", "#e0ff18", "#00a0a0", "#ff38d0", "#a04878", "#80ffd0", "#d8b8d0", "#60a858",
+    "#a84840", "#ffa0a8", "#3868a0", "#b0c868",
 )  # fmt: skip
 _CONFIDENCE_RAMP = (
     "#440154",

@@ -63,7 +63,8 @@ class LabelHistory:
             StateError: The checkpoint is damaged.
         """
         # as first seen, and what each scan changed
-        semantic, instance = (column[ids] for column in run.first_labels())
+        first_semantic, first_instance = run.first_labels()
+        semantic, instance = first_semantic[ids], first_instance[ids]
         classes, class_log = _class_log(run, ids, semantic.copy())
         merges, merge_ends = run.merges(), _merge_ends(run)
 

@@ -29,7 +29,8 @@ def main() -> None:
     # classes, none, picked
     names = [*arguments.classes, "(none)", "(picked)"]
     colours = class_palette(arguments.classes)[: len(names) - 2]
-    colours = np.concatenate([colours, [UNKNOWN_COLOUR, (255, 255, 255)]])
+    picked = (255, 255, 255)
+    colours = np.concatenate([colours, np.array([UNKNOWN_COLOUR, picked], np.uint8)])
     apart = {sight: distances(colours, sight) for sight in SIGHTS}
     print(f"| class | colour | contrast | {' | '.join(SIGHTS)} |")
     print("|---|---|---|" + "---|" * len(SIGHTS))
@@ -39,9 +40,8 @@ def main() -> None:
             others = np.delete(table[row], row)
             nearest = int(others.argmin())
             cells.append(f"{others.min():.1f} ({np.delete(names, row)[nearest]})")
-        colour = "#%02x%02x%02x" % tuple(colours[row])
-        print(f"| {name} | {colour} | {contrast(colours[row : row + 1], PANEL)[0]:.1f} | "
-              f"{' | '.join(cells)} |")  # fmt: skip
+        colour, stands_out = bytes(colours[row]).hex(), contrast(colours[row : row + 1], PANEL)[0]
+        print(f"| {name} | #{colour} | {stands_out:.1f} | {' | '.join(cells)} |")
 
     for sight, table in apart.items():
         least = table[np.triu_indices(len(names), 1)].min()

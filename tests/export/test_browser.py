@@ -11,6 +11,23 @@ from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.segment.labelled_run import LabelledRun
 from tests.pages import LAPTOP, PHONE, Opened, differing, is_drawn
 
+CARD = 260  # pixels at the right that the card of what is picked may cover
+RESET = """() => {
+    const element = (id) => document.getElementById(id);
+    dispatchEvent(new KeyboardEvent("keydown", { key: "Escape" }));
+    const states = { boxes: false, path: true, final: false };
+    for (const [id, state] of Object.entries(states)) {
+        if (element(id).checked !== state) element(id).click();
+    }
+    for (const [id, value] of [["size", 1], ["scan", element("scan").max]]) {
+        element(id).value = value;
+        element(id).dispatchEvent(new Event("input"));
+    }
+    document.querySelector("#tabs button[value=map]").click();
+    document.querySelector("#colours button[value=class]").click();
+    for (const id of ["all", "below", "aslant"]) element(id).click();
+}"""
+
 
 @pytest.fixture(scope="module")
 def written(changing_run, tmp_path_factory):
@@ -30,17 +47,8 @@ def page_of_all_tests(browser, written):
 @pytest.fixture
 def opened(page_of_all_tests):
     """The page, as it was when it opened."""
-    page = page_of_all_tests.page
-    page.keyboard.press("Escape")
-    for name, state in {"boxes": False, "path": True, "final": False}.items():
-        page.set_checked(f"#{name}", state)
-    page.click("#tabs button[value=map]")
-    for name in ("all", "below"):
-        page.click(f"#{name}")
-    page.click("#colours button[value=class]")
-    page_of_all_tests.set("scan", page.get_attribute("#scan", "max"))
-    page.mouse.move(5, 5)
-    page.click("#aslant")
+    page_of_all_tests.page.mouse.move(5, 5)
+    page_of_all_tests.page.evaluate(RESET)
     page_of_all_tests.rest()
     yield page_of_all_tests
     assert page_of_all_tests.complaints == []
@@ -169,11 +177,9 @@ def test_a_double_click_shows_an_object_alone_and_escape_all_again(opened):
     everything = opened.scene()
     opened.page.mouse.dblclick(*opened.middle())
     opened.page.locator("#isolate[aria-pressed=true]").wait_for()
-    opened.page.keyboard.press("2")
-    colours = np.unique(opened.scene().reshape(-1, 3), axis=0)
-    hues = colours[np.ptp(colours, axis=1) > 60]
-    assert len(hues) > 0
-    assert np.ptp(hues.argmax(axis=1)) == 0  # of one object
+    opened.page.click("#aslant")
+    alone = opened.scene()[:, :-CARD]
+    assert 0 < is_drawn(alone).sum() < 0.95 * is_drawn(everything[:, :-CARD]).sum()
     opened.page.keyboard.press("Escape")
     opened.page.click("#aslant")
     assert differing(opened.scene(), everything) == 0
@@ -186,7 +192,9 @@ def test_the_list_of_objects_is_searched_and_a_click_picks_one(opened, changing_
     opened.page.fill("#search", f"{largest.class_name} {largest.id}")
     assert opened.page.locator("#objects li").count() == 1
     opened.page.click("#objects button")
-    assert opened.text("picked").split()[:3] == [largest.class_name, "object", str(largest.id)]
+    words = opened.text("picked").split()
+    assert words[0] == largest.class_name
+    assert words[words.index("object") + 1] == str(largest.id)
     opened.page.fill("#search", "no such thing")
     assert opened.page.locator("#objects li").count() == 0
     opened.page.fill("#search", "")
@@ -225,7 +233,6 @@ def test_larger_points_cover_more(opened):
     before = is_drawn(opened.scene()).sum()
     opened.set("size", 2)
     assert is_drawn(opened.scene()).sum() > before
-    opened.set("size", 1)
 
 
 def test_a_drag_turns_and_the_wheel_zooms(opened):
