@@ -20,7 +20,7 @@ from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _SCRIPTS = (
-    "data", "shaders", "labels", "cloud", "lines", "camera", "viewer", "picking", "panel",
+    "data", "shaders", "labels", "cloud", "lines", "camera", "stage", "viewer", "picking", "panel",
     "objects", "timeline", "input", "live", "main",
 )  # fmt: skip
 
