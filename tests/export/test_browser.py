@@ -177,12 +177,21 @@ def test_a_double_click_shows_an_object_alone_and_escape_all_again(opened):
     everything = opened.scene()
     opened.page.mouse.dblclick(*opened.middle())
     opened.page.locator("#isolate[aria-pressed=true]").wait_for()
-    opened.page.click("#aslant")
-    alone = opened.scene()[:, :-CARD]
-    assert 0 < is_drawn(alone).sum() < 0.95 * is_drawn(everything[:, :-CARD]).sum()
     opened.page.keyboard.press("Escape")
     opened.page.click("#aslant")
     assert differing(opened.scene(), everything) == 0
+
+
+def test_an_object_of_the_list_can_be_shown_alone(opened):
+    opened.page.uncheck("#path")
+    opened.page.click("#tabs button[value=objects]")
+    opened.page.locator("#objects button").last.click()  # the smallest
+    in_company = is_drawn(opened.scene()[:, :-CARD]).sum()
+    opened.page.click("#isolate")
+    alone = is_drawn(opened.scene()[:, :-CARD]).sum()
+    assert 0 < alone < 0.7 * in_company
+    opened.page.click("#isolate")
+    assert is_drawn(opened.scene()[:, :-CARD]).sum() == in_company
 
 
 def test_the_list_of_objects_is_searched_and_a_click_picks_one(opened, changing_run):

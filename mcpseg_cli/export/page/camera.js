@@ -115,7 +115,7 @@ class Eye {
     const rise = Math.max(back.z, LEAST_RISE * flat);
     const half = Math.tan((this.camera.fov * Math.PI) / 360);
     const share = Math.min(this.free.width, this.free.height) / this.window.height;
-    const away = Math.max(NEAREST_FLIGHT, size / (half * share));
+    const away = Math.max(NEAREST_FLIGHT, (0.8 * size) / (half * share));
     const position = new THREE.Vector3(back.x, back.y, rise).normalize().multiplyScalar(away);
     this.lookAt(centre, position.add(new THREE.Vector3(...centre)).toArray());
   }

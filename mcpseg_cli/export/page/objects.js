@@ -54,7 +54,10 @@ class ObjectList {
     const button = make("button", { type: "button", value: place }, swatch, make("span", { className: "name" }, name),
       make("span", { className: "count" }, `#${id}`), make("span", { className: "count" }, count(size)),
       make("span", { className: "count" }, confidence.toFixed(2)));
-    button.onclick = () => this.picker.pickObject(place);
+    button.onclick = () => {
+      if (window.innerWidth < NARROW) element("fold").click(); // the panel covers the map there
+      this.picker.pickObject(place);
+    };
     button.ondblclick = () => this.picker.isolate(place);
     button.onpointerenter = (event) => { if (event.pointerType === "mouse") this.viewer.mark({ hovered: place }); };
     button.onpointerleave = () => this.viewer.mark({ hovered: -1 });

@@ -119,7 +119,7 @@ function makeFolding(viewer) {
       for (const { value } of tabs) element(`tab-${value}`).hidden = value !== tab.value;
     };
   }
-  fold(window.innerWidth < 700);
+  fold(window.innerWidth < NARROW);
 }
 
 function showSummary({ facts }) {

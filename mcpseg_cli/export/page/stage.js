@@ -4,6 +4,7 @@ const MOST_FRAME_MS = 45; // while something moves, fewer points are drawn rathe
 const LEAST_POINTS = 30_000; // but never fewer than these
 const FIRST_POINTS = 150_000; // in the first frames, before it is known how fast this machine is
 const LEAST_SCALE = 0.45; // of the picture's width while something moves
+const NARROW = 700; // pixels of the window below which panels cover it, as in page.css
 const REST_MS = 250; // this long after the last movement all points are drawn
 
 class Stage {
@@ -190,7 +191,7 @@ class Stage {
 
 /** The part of the window that panels leave free. */
 function freePart(width, height) {
-  const isNarrow = width < 700;
+  const isNarrow = width < NARROW;
   const margin = 12;
   const panel = element("panel").getBoundingClientRect();
   const time = element("time").getBoundingClientRect();
