@@ -18,7 +18,6 @@ class Stage {
     this.sizeFactor = 1;
     this.budget = FIRST_POINTS;
     this.scale = 1;
-    this.frames = 0;
     this.afterDrawing = []; // called after every frame
     this.makePasses();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
@@ -88,12 +87,13 @@ class Stage {
   async draw(most, scale) {
     const started = performance.now();
     this.paint(most, scale);
-    await this.finished();
+    await this.finished(started);
     return performance.now() - started;
   }
 
   /** Draw all points, some at a time, so that whatever is asked for in between need not wait for long. */
   async drawAll() {
+    const started = performance.now();
     const { total } = this.cloud;
     const some = Math.max(this.budget, LEAST_POINTS);
     this.begin(1);
@@ -103,13 +103,13 @@ class Stage {
       if (this.isStale) return;
     }
     this.show();
-    await this.finished();
+    await this.finished(started);
   }
 
-  async finished() {
-    await this.idsAt(0, 0, 1); // waits for the graphics card
-    this.frames += 1;
-    document.body.dataset.frames = this.frames;
+  /** Wait for the graphics card, and note when the picture that is done now was begun. */
+  async finished(started) {
+    await this.idsAt(0, 0, 1);
+    document.body.dataset.begun = started;
   }
 
   /** Draw at most so many points into a picture of that share of the window's pixels along each side. */
