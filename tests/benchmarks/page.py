@@ -28,7 +28,8 @@ STEP = """async share => {
     const started = performance.now();
     slider.value = Math.max(1, Math.round(slider.max * share));
     slider.dispatchEvent(new Event("input"));
-    while (Number(body.dataset.begun) < started) await new Promise(resolve => setTimeout(resolve, 1));
+    const tick = () => new Promise(resolve => setTimeout(resolve, 1));
+    while (Number(body.dataset.begun) < started) await tick();
     return performance.now() - started;
 }"""
 
