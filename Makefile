@@ -15,7 +15,7 @@ SEED ?= 0
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "mcpseg needs Python 3.11 or newer; set PYTHON=")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[html]'
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot]'
 	touch $@
 
 $(VENV)/installed-test: $(VENV)/installed
@@ -26,7 +26,9 @@ demo: $(VENV)/installed
 	$(BIN)/mcpseg segment examples/office_walk/scans examples/office_walk/poses.csv -o $(OUT)
 	$(BIN)/mcpseg eval $(OUT) examples/office_walk/gt
 	@echo; echo "Made in $(OUT):"; cd $(OUT) && ls -l map.ply objects.json events.jsonl run.json state.sqlite && ls scans | wc -l | xargs echo "labelled scans in scans/:"
-	@echo "Open $(OUT)/map.ply in CloudCompare, MeshLab or Open3D."
+	$(BIN)/mcpseg export $(OUT) -o $(OUT).png -o $(OUT).html --overwrite --quiet
+	@echo; echo "The map as a picture: $(OUT).png"; echo "The map in a browser: $(OUT).html, or '$(BIN)/mcpseg view $(OUT)'"
+	@echo "The map as a cloud:   $(OUT)/map.ply, for CloudCompare, MeshLab or Open3D"
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .

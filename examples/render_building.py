@@ -24,21 +24,6 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.patches import Patch
 
-CLASS_RGB = {
-    "ceiling": (200, 200, 210),
-    "floor": (140, 170, 120),
-    "wall": (190, 190, 150),
-    "beam": (255, 200, 0),
-    "column": (255, 120, 200),
-    "window": (110, 200, 255),
-    "door": (180, 110, 50),
-    "table": (60, 90, 220),
-    "chair": (220, 50, 50),
-    "sofa": (140, 20, 140),
-    "bookcase": (40, 150, 60),
-    "board": (240, 240, 240),
-    "clutter": (90, 90, 90),
-}
 SIZE = (600, 800)  # height and width of a picture, pixels
 FOCAL = 0.6  # of the width: 80 degrees across
 NEAR = 0.7  # metres; nearer points are left out
@@ -111,15 +96,7 @@ def _draw(
 
 def class_colours(building: Building) -> NDArray[np.uint8]:
     """Return the (N, 3) colour of every point's class."""
-    return class_table(building)[building.semantic]
-
-
-def class_table(building: Building) -> NDArray[np.uint8]:
-    """Return the (256, 3) colours of classes; those that have none here as 'mcpseg export' does."""
-    table = class_palette(building.classes)
-    for index, name in enumerate(building.classes):
-        table[index] = CLASS_RGB.get(name, table[index])
-    return table
+    return class_palette(building.classes)[building.semantic]
 
 
 def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
@@ -139,8 +116,8 @@ def draw_room(building: Building, room: int, path: Path, corner: int) -> None:
     # the classes that are in it
     present = np.unique(building.semantic[rows])
     names = [building.classes[index] for index in present if index < len(building.classes)]
-    table = class_table(building)[present]
-    colours = ["#{:02x}{:02x}{:02x}".format(*rgb) for rgb in table[: len(names)].tolist()]
+    palette = class_palette(building.classes)
+    colours = [f"#{bytes(palette[building.classes.index(name)]).hex()}" for name in names]
     legend = [Patch(color=colour, label=name) for colour, name in zip(colours, names, strict=True)]
 
     figure, axes = plt.subplots(1, 2, figsize=(16, 6.8))

@@ -18,6 +18,7 @@ from mcpseg_cli.cli.raytrace import raytrace
 from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
 from mcpseg_cli.cli.train import train
+from mcpseg_cli.cli.view import view
 
 app = typer.Typer(
     name="mcpseg",
@@ -58,6 +59,7 @@ app.command("segment")(segment)
 app.command("merge")(merge)
 app.command("eval")(evaluate)
 app.command("export")(export)
+app.command("view")(view)
 app.command("import-weights")(import_weights)
 
 

@@ -12,34 +12,30 @@ from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.segment.labelled_run import LabelledRun, MapPart
 
 COLOUR_BY: tuple[ColourBy, ...] = ("rgb", "class", "instance", "embedding", "confidence")
-UNKNOWN_COLOUR = (128, 128, 128)
+UNKNOWN_COLOUR = (112, 112, 144)
+# No two of these, nor the colour of no class, are nearer than 12 (CIEDE2000) to a reader with
+# normal sight, deuteranopia or protanopia, nor is any to the white that marks what is picked; each
+# stands out from a dark panel by 3 to 1 and more. tests/benchmarks/palette.py measures.
 _CLASS_COLOURS = {
-    "ceiling": "#b8c8d8",
-    "floor": "#c8b088",
-    "wall": "#8899aa",
-    "beam": "#e0a030",
-    "column": "#ff00c8",
-    "window": "#46d2f0",
-    "door": "#a0622d",
-    "table": "#2f7fe0",
-    "chair": "#e23b3b",
-    "sofa": "#8b2fc9",
-    "bookcase": "#2ca02c",
-    "board": "#151515",
-    "clutter": "#f2d024",
-    "bed": "#f58bb4",
-    "cabinet": "#9a6a4f",
-    "curtain": "#5f5fd0",
-    "kitchen": "#d9541e",
-    "appliance": "#1fb5a8",
-    "sanitary": "#9fd8ff",
-    "screen": "#3a3f52",
-    "lamp": "#fff07a",
-    "plant": "#7fd13b",
-    "picture": "#c77dd8",
-    "rug": "#a83250",
-    "box": "#b99a4a",
+    "ceiling": "#d0e0ff",
+    "floor": "#f0e098",
+    "wall": "#889088",
+    "beam": "#a09018",
+    "column": "#d888b8",
+    "window": "#a0d0bc",
+    "door": "#985808",
+    "table": "#5898ff",
+    "chair": "#e01060",
+    "sofa": "#a830d0",
+    "bookcase": "#d0a080",
+    "board": "#087858",
+    "clutter": "#70d800",
 }
+# for classes of other tables, after those colours above that their table leaves free
+_MORE_COLOURS = (
+    "#58c8ff", "#e0ff18", "#00a0a0", "#ff38d0", "#a04878", "#80ffd0", "#d8b8d0", "#60a858",
+    "#a84840", "#ffa0a8", "#3868a0", "#b0c868",
+)  # fmt: skip
 _CONFIDENCE_RAMP = (
     "#440154",
     "#472d7b",
@@ -73,17 +69,26 @@ def class_palette(classes: Sequence[str]) -> NDArray[np.uint8]:
     """Choose a colour for every class.
 
     Args:
-        classes: Names that ``semantic`` indexes; those of S3DIS have colours of their own.
+        classes: Names that ``semantic`` indexes; those of S3DIS have colours of their own, others
+            get those that are left, and after 25 those of objects.
 
     Returns:
-        (256, 3) uint8; ``palette[semantic]`` colours points, grey where there is no class.
+        (256, 3) uint8; ``palette[semantic]`` colours points, a bluish grey where there is no class.
     """
     palette = np.full((256, 3), UNKNOWN_COLOUR, np.uint8)
-    numbers = np.arange(1, len(classes) + 1, dtype=np.int64)
-    palette[: len(classes)] = instance_colours(numbers)
+    free = [colour for name, colour in _CLASS_COLOURS.items() if name not in classes]
+    others = [index for index, name in enumerate(classes) if name not in _CLASS_COLOURS]
+
+    # those of S3DIS by name, others in the order of their table
     for index, name in enumerate(classes):
         if name in _CLASS_COLOURS:
             palette[index] = _from_hex(_CLASS_COLOURS[name])
+    for index, colour in zip(others, (*free, *_MORE_COLOURS), strict=False):
+        palette[index] = _from_hex(colour)
+
+    # a table of more classes than colours
+    late = others[len(free) + len(_MORE_COLOURS) :]
+    palette[late] = instance_colours(np.arange(1, len(late) + 1, dtype=np.int64))
     return palette
 
 

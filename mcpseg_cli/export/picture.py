@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw
 
 from mcpseg_cli.choices import View
 from mcpseg_cli.export.colours import colouring
-from mcpseg_cli.export.legend import LegendEntry, legend_entries, with_legend
+from mcpseg_cli.export.floors import floor_heights
+from mcpseg_cli.export.legend import LegendEntry, legend_entries, scale_entry, with_legend
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.views import PITCH_DEG, YAW_DEG, PictureSettings
@@ -23,7 +24,7 @@ _OVERSIZE = 2  # pixels drawn for each that is kept, in both directions
 _RADIUS = 1.0  # of a disc, in voxels: points lie anywhere in their voxel, and surfaces shall close
 _MARGIN = 0.03  # of the picture's longer side, around the map
 _FRAMES = 48  # of a turntable
-_PATH_COLOUR, _PATH_EDGE = (190, 0, 60), (255, 255, 255)
+_PATH_COLOUR, _PATH_EDGE = (24, 24, 24), (255, 255, 255)
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,7 @@ def write_picture(
     """
     scene = _collect(run, selection, settings)
     yaw_deg = YAW_DEG[settings.view] if settings.yaw_deg is None else settings.yaw_deg
-    picture = _draw(scene, settings.view, yaw_deg, _SIZE)
-    _save(with_legend(picture, scene.entries), path)
+    _save(_draw(scene, settings.view, yaw_deg, _SIZE), path)
     return len(scene.xyz)
 
 
@@ -80,7 +80,6 @@ def write_turntable(
         _draw(scene, settings.view, yaw_deg, _TURNTABLE_SIZE, is_turning=True)
         for yaw_deg in turns.tolist()
     ]
-    frames = [with_legend(frame, scene.entries) for frame in frames]
     _save(frames[0], path, frames[1:])
     return len(scene.xyz)
 
@@ -98,7 +97,7 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     """Gather what is to be drawn."""
     selection.check(run)
     colour = colouring(run, settings.colour_by)
-    floor = _floors(run)
+    floor = floor_heights(run)
 
     # what is chosen and not cut off, part by part
     xyz, rgb, present = [], [], np.zeros(256, bool)
@@ -119,24 +118,14 @@ def _collect(run: LabelledRun, selection: Selection, settings: PictureSettings) 
     return _Scene(points, np.concatenate(rgb), run.poses[:, :3, 3], voxel_size, entries)
 
 
-def _floors(run: LabelledRun) -> NDArray[np.float64]:
-    """Return (S,) the floor's height at each scan.
-
-    Where it was not known, it is that of the scan before that knew it, else of the first that did.
-    """
-    heights = np.array([np.nan if record.floor is None else record.floor for record in run.scans])
-    known = np.flatnonzero(np.isfinite(heights))
-    if len(known) == 0:
-        return np.zeros(len(heights))
-    nearest = np.searchsorted(known, np.arange(len(heights)), side="right") - 1
-    filled: NDArray[np.float64] = heights[known[np.maximum(nearest, 0)]]
-    return filled
-
-
 def _draw(
     scene: _Scene, view: View, yaw_deg: float, longest: int, *, is_turning: bool = False
 ) -> Image.Image:
-    """Draw the scene from one direction; the longest side of the picture has that many pixels."""
+    """Draw the scene from one direction, with its legend and scale.
+
+    The longest side of the picture without them has that many pixels. In perspective the scale is
+    that of the middle of the map.
+    """
     # the camera looks at the middle, whatever stray points there are
     low, high = np.percentile(scene.xyz, (0.1, 99.9), axis=0)
     reach = float(np.linalg.norm(high - low))
@@ -167,7 +156,8 @@ def _draw(
     image, nearest = draw_points(place(plane), depth, radius, scene.rgb, (rows, columns), bulge)
     picture = Image.fromarray(shade(image, nearest, _reaches(radius)))
     _draw_path(picture, place(camera.project(scene.path)[0]))
-    return picture.resize((columns // _OVERSIZE, rows // _OVERSIZE), Image.Resampling.BOX)
+    small = picture.resize((columns // _OVERSIZE, rows // _OVERSIZE), Image.Resampling.BOX)
+    return with_legend(small, [*scene.entries, scale_entry(small.width, scale / _OVERSIZE)])
 
 
 def _reaches(radius: NDArray[np.float64]) -> tuple[int, ...]:

@@ -1,9 +1,12 @@
-"""A labelled map for the Rerun viewer (an extra: ``mcpseg[rerun]``): scans on a timeline, path."""
+"""A labelled map for the Rerun viewer (an extra: ``mcpseg[rerun]``): scans on a timeline.
+
+Points, path, scanner, and boxes around objects; a layout that opens on the map and on the scanner.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourBy
+from mcpseg_cli.classes import UNKNOWN
 from mcpseg_cli.errors import OutputError, naming
 from mcpseg_cli.export.colours import class_palette, colouring
+from mcpseg_cli.export.floors import are_below_ceiling
 from mcpseg_cli.export.selection import Selection
+from mcpseg_cli.incremental.map_rows import MapRows
+from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.resumable import whole_file
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 if TYPE_CHECKING:
     from rerun import AnyValues, RecordingStream
+    from rerun.blueprint import Blueprint
 
 TIMELINE = "scan"
 _APPLICATION = "mcpseg"
@@ -78,26 +86,32 @@ class RerunLog:
         palette = class_palette(classes).tolist()
         names = [(index, name, tuple(palette[index])) for index, name in enumerate(classes)]
         stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        stream.log("map", rerun.AnnotationContext(names), static=True)
+        for place in ("map", "above", "objects"):
+            stream.log(place, rerun.AnnotationContext(names), static=True)
         stream.log("scanner", rerun.TransformAxes3D(0.5), static=True)
+        stream.send_blueprint(_layout())
 
-    def add_scan(self, number: int, pose: NDArray[np.float64], points: LabelledPoints) -> None:
+    def add_scan(
+        self,
+        number: int,
+        pose: NDArray[np.float64],
+        points: LabelledPoints,
+        above: LabelledPoints | None = None,
+    ) -> None:
         """Tell of one scan: where the scanner was, and the points first seen from there.
 
         Args:
             number: Of the scan, from 0; the time.
             pose: (4, 4) sensor to map, metres; NaN for a scan that had none.
             points: May be none.
+            above: More of them, which the layout hides at first: the ceiling.
         """
-        rerun = self._rerun
         self._stream.set_time(TIMELINE, sequence=number)
         if np.isfinite(pose).all():
             self._add_step(number, pose)
-        if len(points.xyz):
-            cloud = rerun.Points3D(
-                points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
-            )
-            self._stream.log(_entity(number), cloud, self._labels(points))
+        self._add_points(_entity(number), points)
+        if above is not None:
+            self._add_points(f"above/{number:06d}", above)
 
     def _add_step(self, number: int, pose: NDArray[np.float64]) -> None:
         """Tell where the scanner is, and the step that took it there."""
@@ -109,6 +123,35 @@ class RerunLog:
             self._stream.log(f"path/{number:06d}", line)
         self._last_place = pose[:3, 3].copy()
 
+    def add_objects(self, number: int, objects: Sequence[MapObject], classes: list[int]) -> None:
+        """Tell of the objects that a scan saw first: a box with the name of its class around each.
+
+        Args:
+            number: Of the scan, from 0; the time.
+            objects: May be none.
+            classes: Class index of each.
+        """
+        if not objects:
+            return
+        rerun = self._rerun
+        turns = [
+            rerun.RotationAxisAngle(axis=(0, 0, 1), degrees=item.obb_yaw_deg) for item in objects
+        ]
+        boxes = rerun.Boxes3D(
+            centers=[item.obb_centre for item in objects],
+            sizes=[item.obb_size for item in objects],
+            rotation_axis_angles=turns,
+            labels=[item.class_name for item in objects],
+            class_ids=classes,
+            show_labels=True,
+        )
+        about = rerun.AnyValues(
+            instance=[item.id for item in objects],
+            confidence=[item.confidence for item in objects],
+        )
+        self._stream.set_time(TIMELINE, sequence=number)
+        self._stream.log(f"objects/{number:06d}", boxes, about)
+
     def relabel(self, number: int, points: LabelledPoints) -> None:
         """Tell the labels that the points of an earlier scan have from now on.
 
@@ -118,6 +161,14 @@ class RerunLog:
         """
         classes = self._rerun.Points3D.from_fields(class_ids=points.semantic)
         self._stream.log(_entity(number), classes, self._labels(points))
+
+    def _add_points(self, entity: str, points: LabelledPoints) -> None:
+        """Tell of points at the time that is set, if there are any."""
+        if len(points.xyz):
+            cloud = self._rerun.Points3D(
+                points.xyz, radii=self._radius, class_ids=points.semantic, colors=points.rgb
+            )
+            self._stream.log(entity, cloud, self._labels(points))
 
     def _labels(self, points: LabelledPoints) -> AnyValues:
         """Give what the viewer shows for the point under the cursor only."""
@@ -164,9 +215,13 @@ def write_recording(
         # the points are in the order of their scans
         log = RerunLog(stream, run.classes, run.voxel_size)
         bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
+        stays = are_below_ceiling(run, points.xyz, scan)
+        objects = _objects_by_scan(run, points, scan)
         for number, record in enumerate(run.scans):
-            own = points.select(slice(bounds[number], bounds[number + 1]))
-            log.add_scan(number, record.pose, own)
+            own = np.arange(bounds[number], bounds[number + 1])
+            low, high = (points.select(own[stays[own] == is_low]) for is_low in (True, False))
+            log.add_scan(number, record.pose, low, high)
+            log.add_objects(number, *objects[number])
     return len(scan)
 
 
@@ -220,6 +275,45 @@ def _gather(
 
     xyz, semantic, instance, confidence, rgb, scan = map(np.concatenate, zip(*rows, strict=True))
     return LabelledPoints(xyz, semantic, instance, confidence, rgb if colour else None), scan
+
+
+def _objects_by_scan(
+    run: LabelledRun, points: LabelledPoints, scan: NDArray[np.int32]
+) -> list[tuple[list[MapObject], list[int]]]:
+    """List for each scan the objects that it saw first, and their classes."""
+    rows = MapRows(
+        points.xyz, np.zeros((len(scan), 3), np.uint8), points.semantic, points.confidence,
+        points.instance, np.empty((len(scan), 0), np.int16),
+    )  # fmt: skip
+    ids, first = np.unique(points.instance, return_index=True)
+    seen = dict(zip(ids.tolist(), scan[first].tolist(), strict=True))
+
+    # class indices; a map without classes has none
+    number = {name: index for index, name in reversed(list(enumerate(run.classes)))}
+    objects: list[tuple[list[MapObject], list[int]]] = [([], []) for _ in run.scans]
+    for item in list_objects(rows, run.classes):
+        items, classes = objects[seen[item.id]]
+        items.append(item)
+        classes.append(number.get(item.class_name, UNKNOWN))
+    return objects
+
+
+def _layout() -> Blueprint:
+    """Open on the map, without its ceiling, and beside it on what goes on around the scanner."""
+    import rerun.blueprint as layout
+
+    shown = ["+ /**", "- /above/**"]
+    follow = layout.EyeControls3D(tracking_entity="/scanner")
+    return layout.Blueprint(
+        layout.Horizontal(
+            layout.Spatial3DView(origin="/", contents=shown, name="map"),
+            layout.Spatial3DView(origin="/", contents=shown, name="scanner", eye_controls=follow),
+            column_shares=[3, 2],
+        ),
+        layout.TimePanel(timeline=TIMELINE, state="collapsed"),
+        layout.BlueprintPanel(state="collapsed"),
+        layout.SelectionPanel(state="collapsed"),
+    )
 
 
 def _entity(number: int) -> str:

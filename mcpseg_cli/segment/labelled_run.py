@@ -19,6 +19,7 @@ from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.incremental.clustering import dequantise
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
+from mcpseg_cli.incremental.regrouping import Moves
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.map_changes import LabelChanges
 from mcpseg_cli.segment.run_record import RunRecord
@@ -185,6 +186,14 @@ class LabelledRun:
     def label_changes(self, scan: int) -> Iterator[LabelChanges]:
         """Give what a scan changed of the labels of voxels known before, if anything."""
         return self._state.label_changes(scan, scan)
+
+    def moves(self, scan: int) -> Iterator[Moves]:
+        """Give the voxels that a scan took to other objects otherwise than by merges, if any."""
+        return self._state.moves(scan, scan)
+
+    def first_labels(self) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Return (V,) uint8 class and (V,) int32 object id of every voxel as first seen; copies."""
+        return self._state.first_labels()[0], self._state.first_instance()
 
     def objects(self) -> list[MapObject]:
         """Take stock of the objects, by id; needs all voxels but their embedding in memory."""

@@ -51,13 +51,14 @@ def make_run(folder: Path, voxels: int) -> None:
             rows = corridor(pose[:3, 3], number, embedding, rng)
             known = (number + 1) * PER_SCAN
             name = f"{number:06d}.ply"
+            merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
             event = LabelledEvent(
-                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, [], 0, 0, 0.0
-            )
+                number, name, 2 * PER_SCAN, PER_SCAN, PER_SCAN, 0, known, 40, merge.tolist(), [],
+                0, 0, 0.0,
+            )  # fmt: skip
             record = ScanRecord(
                 name, NOT_READ, pose, 2 * PER_SCAN, known, 0.0, None, event, output_size=1
             )
-            merge = np.array([[number * 40 + 40, max(number * 40 - 1, 1)]], np.int32)
             state.commit(record, rows, replace(MapChanges.none(), merges=merge))
 
 

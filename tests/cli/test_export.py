@@ -63,7 +63,7 @@ def test_options_choose_and_colour(labelled_run, tmp_path):
     "ending", ["ply", "laz", "pcd", "npz", "h5", "e57", "json", "geojson", "png", "html", "rrd"]
 )
 def test_a_map_without_classes_is_exported_too(ending, grown_run, tmp_path):
-    for name in {"e57": ("pye57",), "html": ("k3d",), "rrd": ("rerun",)}.get(ending, ()):
+    for name in {"e57": ("pye57",), "rrd": ("rerun",)}.get(ending, ()):
         pytest.importorskip(name)
     result = export(grown_run, "-o", tmp_path / f"map.{ending}")
     assert (result.exit_code, result.stderr) == (0, "")

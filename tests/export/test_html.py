@@ -2,14 +2,12 @@
 
 import json
 import re
-import shutil
 from importlib.resources import files
 
 import numpy as np
 import pytest
 
-from mcpseg_cli.errors import InputError, OutputError
-from mcpseg_cli.export import html as module
+from mcpseg_cli.errors import InputError
 from mcpseg_cli.export.colours import instance_colours
 from mcpseg_cli.export.html import write_html
 from mcpseg_cli.export.selection import Selection
@@ -17,13 +15,13 @@ from mcpseg_cli.segment.labelled_run import LabelledRun
 from tests.commands import invoke
 from tests.pages import read_page
 
-pytest.importorskip("k3d", reason="the page is drawn by K3D, the extra 'html'")
 EVIL = '</script><script>window.broken = 1</script><img src=x onerror="window.broken = 1">&amp;'
+PAGE = files("mcpseg_cli.export") / "page"
 
 
 @pytest.fixture
-def run(labelled_run):
-    with LabelledRun(labelled_run.out) as run:
+def run(changing_run):
+    with LabelledRun(changing_run.out) as run:
         yield run
 
 
@@ -61,8 +59,16 @@ def test_the_path_is_that_of_the_poses(run, page):
     np.testing.assert_allclose(path, run.poses[:, :3, 3], atol=1e-5)
 
 
-def test_an_object_has_the_colour_it_has_everywhere(page):
-    _, columns = read_page(page)
+def test_objects_have_the_boxes_classes_and_colours_that_they_have_everywhere(run, page):
+    facts, columns = read_page(page)
+    boxes = columns["object_boxes"].reshape(-1, 7)
+    listed = np.flatnonzero(columns["object_sizes"])
+    assert columns["object_ids"][listed].tolist() == [item.id for item in run.objects()]
+    for row, item in zip(listed, run.objects(), strict=True):
+        assert columns["object_sizes"][row] == item.num_points
+        assert run.classes[columns["object_classes"][row]] == item.class_name
+        np.testing.assert_allclose(boxes[row, :3] + facts["origin"], item.obb_centre, atol=1e-3)
+        np.testing.assert_allclose(boxes[row, 3:6], item.obb_size, atol=1e-3)
     np.testing.assert_array_equal(
         columns["object_colours"].reshape(-1, 3), instance_colours(columns["object_ids"])
     )
@@ -74,7 +80,10 @@ def test_only_what_is_chosen_is_in_the_page(run, tmp_path):
     count = write_html(run, tmp_path / "part.html", Selection(classes=(name,)))
     facts, columns = read_page(tmp_path / "part.html")
     assert count == facts["num_points"] == (whole.semantic == run.classes.index(name)).sum()
-    assert [entry["name"] for entry in facts["classes"]] == [name]
+    assert facts["classes"][0]["name"] == name
+    assert [entry["num_points"] for entry in facts["classes"][1:]].count(0) == len(
+        facts["classes"][1:]
+    )
     assert columns["scan_ends"][-1] == count
     with pytest.raises(InputError, match="nothing in the map"):
         write_html(run, tmp_path / "none.html", Selection(min_confidence=2.0))
@@ -83,15 +92,23 @@ def test_only_what_is_chosen_is_in_the_page(run, tmp_path):
 def test_the_page_loads_nothing(page):
     text = page.read_text(encoding="utf-8")
     assert "default-src 'none'" in text
+    assert "connect-src 'none'" in text
     markup = re.sub(r"<script\b([^>]*)>.*?</script>", r"<script\1>", text, flags=re.DOTALL)
     assert not re.search(r"\b(?:src|href|srcset|data|action)\s*=", markup)
-    ours = (files("mcpseg_cli.export") / "page").iterdir()
+    ours = [entry for entry in PAGE.iterdir() if not entry.name.startswith("three.")]
+    assert len(ours) > 10
     assert not any(re.search(r"https?://|@import|url\(", entry.read_text()) for entry in ours)
 
 
-def test_names_from_files_stay_text(labelled_run, tmp_path):
-    folder = tmp_path / "<b>run&"
-    shutil.copytree(labelled_run.out, folder)
+def test_three_js_comes_with_its_licence(page):
+    licence = (PAGE / "three.LICENSE").read_text()
+    assert "MIT License" in licence
+    assert "three.js authors" in licence
+    assert licence.split("\n\n")[1] in page.read_text(encoding="utf-8")
+
+
+def test_names_from_files_stay_text(own_run, tmp_path):
+    folder = own_run.rename(tmp_path / "<b>run&")
     document = json.loads((folder / "run.json").read_text())
     document["classes"] = [f"{EVIL}{name}" for name in document["classes"]]
     (folder / "run.json").write_text(json.dumps(document))
@@ -107,16 +124,9 @@ def test_names_from_files_stay_text(labelled_run, tmp_path):
     assert all(entry["name"].startswith(EVIL) for entry in legend)
 
 
-def test_without_k3d_one_line_says_what_to_install(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
-    with pytest.raises(OutputError, match=r"K3D.*pip install 'mcpseg\[html\]'"):
-        write_html(run, tmp_path / "map.html", Selection())
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_command_writes_the_page(labelled_run, tmp_path):
+def test_the_command_writes_the_page(changing_run, tmp_path):
     output = tmp_path / "map.html"
-    result = invoke("export", labelled_run.out, "-o", output, "--color", "instance")
+    result = invoke("export", changing_run.out, "-o", output, "--color", "instance")
     assert result.exit_code == 0
     assert "points" in result.stdout
     assert read_page(output)[0]["colour"] == "instance"

@@ -15,6 +15,7 @@ from mcpseg_cli.export.colours import (
     confidence_colours,
     instance_colours,
 )
+from mcpseg_cli.export.legend import scale_entry
 from mcpseg_cli.export.picture import write_picture, write_turntable
 from mcpseg_cli.export.raster import Camera, draw_points, shade
 from mcpseg_cli.export.selection import Selection
@@ -217,6 +218,32 @@ def test_a_turntable_turns(run, tmp_path):
             file.seek(number)
             frames.append(np.asarray(file.convert("RGB")).astype(int))
     assert (np.abs(frames[0] - frames[1]).sum(axis=2) > 60).mean() > 0.02
+
+
+@pytest.mark.parametrize("width", [120, 1600])
+@pytest.mark.parametrize("pixels", [0.31, 7.0, 160.0, 4000.0])
+def test_a_scale_is_a_round_number_of_metres_and_as_long_as_it_says(width, pixels):
+    entry = scale_entry(width, pixels)
+    metres = float(entry.name.removesuffix(" m"))
+    assert float(f"{metres:.0e}"[0]) in (1, 2, 5)
+    assert entry.length == round(metres * pixels)
+    assert 0.06 * width - 1 <= entry.length <= 0.16 * width + 1
+
+
+def test_the_scale_is_that_of_the_map(run, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        picture, "scale_entry", lambda *size: asked.append(size) or scale_entry(*size)
+    )
+    drawn = picture_of(run, tmp_path / "map.png", view="top")
+    [(width, metre)] = asked
+    assert width == drawn.shape[1]
+
+    # the corridor is drawn as wide as it is, and a voxel's disc on either side
+    is_drawn = (drawn[: int(0.8 * len(drawn))] != 255).any(axis=2).any(axis=0)
+    columns = np.flatnonzero(is_drawn)
+    across = np.ptp(run.whole().xyz[:, 0]) + 2 * run.voxel_size
+    assert np.ptp(columns) / metre == pytest.approx(across, rel=0.05)
 
 
 def test_pictures_of_one_voxel_do_not_fail(run, tmp_path):

@@ -18,6 +18,9 @@ from tests.commands import segment
 pytest.importorskip("rerun", reason="recordings are written by rerun-sdk, the extra 'rerun'")
 
 
+COLUMNS = ("instance", "labels", "centers", "half_sizes")  # of boxes
+
+
 def read_recording(path):
     """Return what was logged by entity and component: (scan, values), scan -1 where static."""
     chunk = pytest.importorskip("rerun.chunk", reason="this Rerun reads no recordings")
@@ -64,6 +67,37 @@ def test_every_scan_brings_its_points_with_their_labels(run, tmp_path):
 
     times = [rows[0][0] for (entity, name), rows in sorted(logged.items()) if name == "positions"]
     assert times == np.unique(whole.scan).tolist()
+
+
+def test_a_box_with_the_name_of_its_class_is_around_every_object(run, tmp_path):
+    write_recording(run, tmp_path / "map.rrd", Selection())
+    logged = read_recording(tmp_path / "map.rrd")
+    found: dict[str, list] = {}
+    for (entity, name), rows in logged.items():
+        if entity.startswith("/objects/") and name in COLUMNS:
+            for _, values in rows:
+                found.setdefault(name, []).extend(values)
+    objects = {item.id: item for item in run.objects()}
+    assert sorted(found["instance"]) == sorted(objects)
+    for owner, words, middle, half in zip(
+        found["instance"], found["labels"], found["centers"], found["half_sizes"], strict=True
+    ):
+        assert words == objects[owner].class_name
+        np.testing.assert_allclose(middle, objects[owner].obb_centre, atol=1e-3)
+        np.testing.assert_allclose(2 * np.array(half), objects[owner].obb_size, atol=1e-3)
+
+
+def test_what_is_above_the_cut_is_an_entity_that_the_layout_hides(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "are_below_ceiling", lambda run, xyz, scan: xyz[:, 2] < 1.0)
+    write_recording(run, tmp_path / "map.rrd", Selection())
+    logged, whole = read_recording(tmp_path / "map.rrd"), run.whole()
+    for place, chosen in (("/map/", whole.xyz[:, 2] < 1.0), ("/above/", whole.xyz[:, 2] >= 1.0)):
+        found = [
+            np.array(rows[-1][1])
+            for (entity, name), rows in sorted(logged.items())
+            if entity.startswith(place) and name == "positions"
+        ]
+        np.testing.assert_array_equal(np.concatenate(found), whole.xyz[chosen])
 
 
 def test_the_scanner_is_where_the_poses_say(run, tmp_path):
