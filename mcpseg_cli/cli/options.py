@@ -22,7 +22,7 @@ Device = Annotated[str, typer.Option("--device", help="Where the network runs: c
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
 ]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no notices.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no notices, no summary.")]
 Verbose = Annotated[
     bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")
 ]

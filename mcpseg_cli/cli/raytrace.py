@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import ScanFormat, Scanner
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 from mcpseg_cli.cli.settings import settings_of
 
@@ -175,9 +176,10 @@ def raytrace(
     )
     documents = []
     for area, folder in zip(areas, folders, strict=True):
-        report = task.trace(area, folder, waypoints, plot)
+        with told_of_compiling(quiet=not task.show):
+            report = task.trace(area, folder, waypoints, plot)
         documents.append(report.model_dump(mode="json"))
-        if not as_json:
+        if not (as_json or quiet):
             print_table(_rows(report))
     if as_json:
         typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))

@@ -6,7 +6,7 @@ import json
 import shlex
 import sys
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.cli.options import (
     Device,
@@ -29,6 +30,7 @@ from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
+    from mcpseg_cli.evaluate.scan_by_scan import Latency
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import ScanFile
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
@@ -173,12 +175,14 @@ def segment(
     found = "as given" if local_range is not None else "the default"
     if is_auto or (local_range is None and _sees_rooms(opened)):
         kept = None if overwrite else output
-        distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
+        with told_of_compiling(quiet=quiet or as_json):
+            distance, found = _find_range(recording, frame, settings, kept, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     segmenter = IncrementalSegmenter(opened, settings, precision=precision, device=device)
     options = RunOptions(frame, format, on_error, offline, sys.argv)
 
     with ExitStack() as entered:
+        entered.enter_context(told_of_compiling(quiet=quiet or as_json))
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
         run = entered.enter_context(
             SegmentRun(recording, output, segmenter, options, overwrite=overwrite)
@@ -193,7 +197,7 @@ def segment(
 
         if as_json:
             typer.echo(json.dumps(_document(run, tally)))
-        else:
+        elif not quiet:
             _print_summary(run, tally, range_from=found, verbose=verbose)
 
     if interrupt.asked and len(run.records) < len(recording):
@@ -306,6 +310,7 @@ class _Tally:
     """What this run did."""
 
     ms: list[float] = field(default_factory=list)
+    warm_up_ms: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
     points: int = 0
     points_labelled: int = 0
@@ -314,17 +319,14 @@ class _Tally:
         self.points += report.num_points
         if report.update is not None:
             self.points_labelled += int((report.update.point_ids >= 0).sum())
-            self.ms.append(report.ms)
+            (self.warm_up_ms if report.is_first else self.ms).append(report.ms)
             self.stages.append(report.update.ms)
 
-    def percentiles(self) -> tuple[float, float, float] | None:
-        """Give median, 95th percentile and maximum of the milliseconds per scan."""
-        import numpy as np
+    def latency(self) -> Latency | None:
+        """Summarise the milliseconds per scan, the first one apart."""
+        from mcpseg_cli.evaluate.scan_by_scan import Latency
 
-        if not self.ms:
-            return None
-        p50, p95, slowest = np.percentile(self.ms, (50, 95, 100)).tolist()
-        return p50, p95, slowest
+        return Latency.of(self.ms, self.warm_up_ms)
 
     def stage_medians(self) -> dict[str, float]:
         """Give the median milliseconds of each stage."""
@@ -336,7 +338,7 @@ class _Tally:
 
 def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
     """Say what a run did, by name."""
-    ms = tally.percentiles()
+    latency = tally.latency()
     return {
         "scans": len(run.records),
         "pending": _num_pending(run),
@@ -345,7 +347,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
         "points": tally.points,
         "points_labelled": tally.points_labelled,
         "skipped": _skipped(run),
-        "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
+        "ms_per_scan": latency and _rounded(asdict(latency)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
         "peak_memory_mb": round(_peak_memory_mb(), 1),
         "resumed_from": run.resumed_from,
@@ -374,9 +376,8 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: 
     rows.append(("objects", f"{run.segmenter.clusters.num_objects:,}"))
 
     # time and memory
-    if ms := tally.percentiles():
-        p50, p95, slowest = ms
-        rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
+    if latency := tally.latency():
+        rows.append(("ms per scan", latency.text()))
     rows.append(("peak memory", f"{_peak_memory_mb():,.0f} MB"))
     rows.append(("map", str(run.output / "map.ply")))
     if verbose:
@@ -395,8 +396,8 @@ def _skipped(run: SegmentRun) -> list[str]:
     return [record.name for record in run.records if record.error is not None]
 
 
-def _rounded(values: tuple[float, ...]) -> list[float]:
-    return [round(value, 3) for value in values]
+def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:
+    return {name: value and round(value, 3) for name, value in values.items()}
 
 
 def _peak_memory_mb() -> float:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from mcpseg_cli.incremental.segmenter import ScanUpdate
 
 
+_TIMES = ("ms", "warm_up")  # of a line, beside its event
+
+
 @dataclass(frozen=True)
 class LabelledEvent:
     """A scan was labelled.
@@ -89,15 +92,20 @@ class SkippedEvent:
 Event = LabelledEvent | SkippedEvent
 
 
-def event_text(event: Event, ms: Mapping[str, float] | None = None) -> str:
+def event_text(
+    event: Event, ms: Mapping[str, float] | None = None, *, is_first: bool = False
+) -> str:
     """Write an event as JSON, in one line.
 
     Args:
         event: What happened.
         ms: Milliseconds by stage, where they are known.
+        is_first: Whether these are of the first scan of a start, which waits for kernels.
     """
-    times = {stage: round(value, 3) for stage, value in ms.items()} if ms else None
-    return json.dumps(vars(event) | ({"ms": times} if times else {}))
+    if not ms:
+        return json.dumps(vars(event))
+    times = {stage: round(value, 3) for stage, value in ms.items()}
+    return json.dumps(vars(event) | {"ms": times} | ({"warm_up": True} if is_first else {}))
 
 
 def parse_event(text: str) -> Event:
@@ -113,14 +121,16 @@ def parse_event(text: str) -> Event:
         raise ValueError(f"no event: {text[:80]}") from error
 
 
-def append_event(path: Path, event: Event, ms: Mapping[str, float] | None) -> None:
+def append_event(
+    path: Path, event: Event, ms: Mapping[str, float] | None, *, is_first: bool = False
+) -> None:
     """Append an event to events.jsonl, with the times that are known only after the commit.
 
     Raises:
         OSError: The disk is full.
     """
     with naming(path), path.open("a") as file:
-        file.write(f"{event_text(event, ms)}\n")
+        file.write(f"{event_text(event, ms, is_first=is_first)}\n")
 
 
 def reconcile_events(path: Path, events: Sequence[Event]) -> None:
@@ -150,7 +160,9 @@ def _is_of(line: str, event: Event) -> bool:
         facts = json.loads(line)
     except ValueError:
         return False
-    return isinstance(facts, dict) and facts | {"ms": None} == vars(event) | {"ms": None}
+    if not isinstance(facts, dict):
+        return False
+    return {name: facts[name] for name in facts if name not in _TIMES} == vars(event)
 
 
 @dataclass(frozen=True)
@@ -161,11 +173,13 @@ class ScanEvent:
         name: File name of the scan.
         skipped: Whether it could not be read.
         ms: Milliseconds from reading it to the last output; None where this was not kept.
+        is_first: Whether it was the first of a start, which waits for kernels.
     """
 
     name: str
     skipped: bool
     ms: float | None
+    is_first: bool = False
 
 
 def read_events(path: Path) -> list[ScanEvent]:
@@ -184,7 +198,8 @@ def read_events(path: Path) -> list[ScanEvent]:
             entry = json.loads(line)
             ms = entry.get("ms")
             total = None if ms is None else float(sum(ms.values()))
-            events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total))
+            is_first = entry.get("warm_up") is True
+            events.append(ScanEvent(str(entry["name"]), "skipped" in entry, total, is_first))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             found = f"line {number:,} that is no event"
             raise InputError(

@@ -68,9 +68,11 @@ class Outputs:
         """Bring map.ply up to date, see ``LabelledMap.update``."""
         self._map.update(rows, changed)
 
-    def append_event(self, event: Event, ms: Mapping[str, float] | None) -> None:
+    def append_event(
+        self, event: Event, ms: Mapping[str, float] | None, *, is_first: bool = False
+    ) -> None:
         """Append a line to events.jsonl, see ``events.append_event``."""
-        append_event(self.folder / "events.jsonl", event, ms)
+        append_event(self.folder / "events.jsonl", event, ms, is_first=is_first)
 
     def write_objects(self, objects: Sequence[MapObject]) -> None:
         """Write objects.json."""

@@ -40,6 +40,7 @@ class ScanReport:
         update: What it changed; None when it was skipped.
         error: Why it was skipped.
         ms: Milliseconds from reading to the last output.
+        is_first: Whether it was the first to be labelled since the start, and waited for kernels.
     """
 
     name: str
@@ -47,6 +48,7 @@ class ScanReport:
     update: ScanUpdate | None
     error: str | None
     ms: float
+    is_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,7 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self.options = options
+        self._is_warm = False
         prepare_folder(output, recording, overwrite=overwrite)
         with ExitStack() as opened:
             self._state = opened.enter_context(State(output / "state.sqlite"))
@@ -222,9 +225,10 @@ class SegmentRun:
         write_s = written - before + perf_counter() - committed
         ms = {"read": read_ms, **update.ms}
         ms |= {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
-        self.outputs.append_event(event, ms)
+        is_first, self._is_warm = not self._is_warm, True
+        self.outputs.append_event(event, ms, is_first=is_first)
         total_ms = 1e3 * (perf_counter() - started)
-        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms)
+        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms, is_first)
 
     def _changes(self, update: ScanUpdate) -> MapChanges:
         """Collect what a scan changed of what is in the checkpoint."""
