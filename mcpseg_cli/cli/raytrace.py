@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import ScanFormat, Scanner
+from mcpseg_cli.choices import ScanFormat, Scanner, UpAxis
 from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 from mcpseg_cli.cli.settings import settings_of
@@ -18,6 +18,7 @@ from mcpseg_cli.cli.settings import settings_of
 if TYPE_CHECKING:
     from mcpseg_cli.building import Building
     from mcpseg_cli.config import RaytraceSettings
+    from mcpseg_cli.formats.mesh_building import MeshOptions
     from mcpseg_cli.raytrace.record import RaytraceReport
     from mcpseg_cli.raytrace.run import RaytraceRun
 
@@ -30,8 +31,8 @@ def raytrace(
         list[Path],
         typer.Argument(
             metavar="AREA",
-            help="Areas or rooms in the S3DIS layout, HDF5 files "
-            "or labelled clouds (PLY, LAS, NPZ).",
+            help="Areas or rooms in the S3DIS layout, HDF5 files, labelled clouds (PLY, LAS, NPZ), "
+            "or meshes (GLB, OBJ, PLY, IFC).",
         ),
     ],
     output: Annotated[
@@ -111,6 +112,23 @@ def raytrace(
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
+    up: Annotated[
+        UpAxis | None,
+        typer.Option(help="Axis of a mesh that points up.  [default: y of GLB, z of IFC]"),
+    ] = None,
+    scale: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-6, max=1e6, help="Metres to one unit of a mesh: 0.001 for mm.  [default: 1]"
+        ),
+    ] = None,
+    classes: Annotated[
+        Path | None,
+        typer.Option(
+            help="Class table of a mesh: CSV 'label,class' or a JSON object; labels are names of "
+            "objects, meshes, materials or IFC types, * for any letters.  [default: S3DIS words]"
+        ),
+    ] = None,
     format: Annotated[ScanFormat, typer.Option(help="Format of the clouds.")] = "ply",  # noqa: A002
     cache: Annotated[
         Path | None,
@@ -134,6 +152,7 @@ def raytrace(
     Examples:
       mcpseg raytrace s3dis/Area_1 --step 0.2
       mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/
+      mcpseg raytrace house.glb --classes names.csv -o house_scans/
       mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
       mcpseg raytrace office.ply --scanner depth-camera --step 0.4 -o office_walk/
     """
@@ -141,6 +160,8 @@ def raytrace(
 
     from mcpseg_cli.cli.display import print_table
     from mcpseg_cli.config import SCANNERS, RaytraceSettings
+    from mcpseg_cli.formats.mesh_building import MeshOptions
+    from mcpseg_cli.train.class_table import read_class_table
 
     settings = settings_of(
         RaytraceSettings,
@@ -170,6 +191,7 @@ def raytrace(
         suffix=f".{format}",
         jobs=number_of_jobs(jobs),
         cache=cache,
+        mesh=MeshOptions(up, scale, read_class_table(classes) if classes else None, voxel_size),
         overwrite=overwrite,
         quiet=quiet,
         show=not (quiet or as_json),
@@ -211,6 +233,7 @@ class _Task:
         suffix: Ending of the clouds.
         jobs: Threads.
         cache: Folder for parsed areas.
+        mesh: How to take meshes.
         overwrite: Replace earlier scans.
         quiet: Say nothing of what was noticed.
         show: Show progress.
@@ -220,6 +243,7 @@ class _Task:
     suffix: str
     jobs: int
     cache: Path | None
+    mesh: MeshOptions
     overwrite: bool
     quiet: bool
     show: bool
@@ -258,7 +282,7 @@ class _Task:
             def progress(room: str, done: int, total: int) -> None:
                 bar.update(task, completed=done >> 20, total=total >> 20, state=f"MB  {room}")
 
-            building, notices = read_building(area, self.cache, progress, self.jobs)
+            building, notices = read_building(area, self.cache, progress, self.jobs, mesh=self.mesh)
         for line in notices:
             notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
         return building

@@ -14,6 +14,8 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud
 from mcpseg_cli.formats.hdf5 import read_building_h5
 from mcpseg_cli.formats.labels import point_labels
+from mcpseg_cli.formats.mesh_building import MeshOptions, read_mesh_building
+from mcpseg_cli.formats.meshes import MESH_SUFFIXES, is_mesh
 from mcpseg_cli.formats.s3dis import Progress, read_area
 from mcpseg_cli.scan import GREY
 
@@ -28,6 +30,7 @@ def read_building(
     threads: int = 2,
     *,
     use_cache: bool = True,
+    mesh: MeshOptions | None = None,
 ) -> tuple[Building, tuple[str, ...]]:
     """Read a labelled building.
 
@@ -40,6 +43,7 @@ def read_building(
         progress: Told how far reading S3DIS text has come.
         threads: S3DIS files read at once.
         use_cache: False neither reads nor writes the S3DIS cache.
+        mesh: How to take meshes (``read_mesh_building``); None: they are no buildings.
 
     Returns:
         The building, and a line for each thing the user should know.
@@ -56,11 +60,15 @@ def read_building(
         building = read_building_h5(path)
     elif not path.exists():
         raise InputError(path, "no such file or folder", "a labelled building", "check the path")
+    elif mesh is not None and is_mesh(path):
+        building, notices = read_mesh_building(path, mesh)
     elif path.suffix.lower() in CLOUD_SUFFIXES:
         building, notices = _from_cloud(path, read_cloud(path))
     else:
         found = f"a file ending in {path.suffix or 'nothing'!r}"
-        expected = f"a folder, {', '.join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))}"
+        meshes = MESH_SUFFIXES if mesh else ()
+        known = dict.fromkeys((*HDF5_SUFFIXES, *CLOUD_SUFFIXES, *meshes))
+        expected = f"a folder, {', '.join(known)}"
         raise InputError(path, found, expected, "convert it")
 
     _check_extent(path, building.xyz)
