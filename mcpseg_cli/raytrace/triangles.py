@@ -16,6 +16,8 @@ from mcpseg_cli.raytrace.occupancy import OccupancyGrid
 if TYPE_CHECKING:
     import open3d
 
+_BORDER = 0.05  # of a voxel; rays that end so near its side may end in the next as well
+
 
 @dataclass(frozen=True)
 class Hits:
@@ -95,10 +97,24 @@ class TriangleScene:
 
         # the voxel it ends in, and a point that has its labels
         distance = np.where(is_hit, distance, np.inf)
-        ends = origin + rays * np.where(is_hit, distance, 0.0)[:, None]
-        voxels = self._grid.voxel_ids(voxel_of(ends.astype(np.float32), self._grid.voxel_size))
+        voxels = self._voxels(origin, rays, np.where(is_hit, distance, 0.0))
         voxels = np.where(is_hit, voxels, -1).astype(np.int32)
         own, there = self._mesh.points[triangle], self._grid.points[voxels]
         points = np.where(self._instance[own] == self._instance[there], there, own)
         cosine = np.abs(np.einsum("ra,ra->r", normal, rays))
         return Hits(voxels, np.where(voxels >= 0, points, 0), distance, cosine)
+
+    def _voxels(
+        self,
+        origin: NDArray[np.float64],
+        rays: NDArray[np.float64],
+        distance: NDArray[np.float64],
+    ) -> NDArray[np.int32]:
+        """Return the voxels of places on rays; on a border, that of its sides which has points."""
+        size = self._grid.voxel_size
+        voxels = np.full(len(rays), -1, np.int32)
+        for nudge in (0.0, _BORDER, -_BORDER):
+            empty = np.flatnonzero(voxels < 0)
+            ends = origin + rays[empty] * (distance[empty] + nudge * size)[:, None]
+            voxels[empty] = self._grid.voxel_ids(voxel_of(ends.astype(np.float32), size))
+        return voxels
