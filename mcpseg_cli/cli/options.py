@@ -37,4 +37,6 @@ def number_of_jobs(jobs: int | None) -> int:
     """Return the given number, or how many cores this process may use."""
     import os
 
-    return jobs or len(os.sched_getaffinity(0))
+    if hasattr(os, "sched_getaffinity"):  # Linux; elsewhere all cores may be used
+        return jobs or len(os.sched_getaffinity(0))
+    return jobs or os.cpu_count() or 1

@@ -252,8 +252,7 @@ class _Task:
         self, area: Path, folder: Path, given: Path | None, picture: Path | None
     ) -> RaytraceReport:
         """Trace one area; return what there is to say about it."""
-        import resource
-
+        from mcpseg_cli.cli.memory import peak_memory_mb
         from mcpseg_cli.raytrace.drive import find_waypoints
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
         from mcpseg_cli.resumable import exclusive
@@ -268,8 +267,7 @@ class _Task:
             self._plan(run, picture)
             self._scan(run)
 
-        peak_memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        return run.report(perf_counter() - started, peak_memory_mb)
+        return run.report(perf_counter() - started, peak_memory_mb())
 
     def _read(self, area: Path) -> Building:
         """Read the building under a progress bar; say what was noticed."""

@@ -16,6 +16,7 @@ import typer
 from mcpseg_cli.choices import Clustering, Frame, Labelling, Method, OnError, Precision, ScanFormat
 from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.interrupt import Interrupt
+from mcpseg_cli.cli.memory import peak_memory_mb
 from mcpseg_cli.cli.options import (
     Device,
     Json,
@@ -349,7 +350,7 @@ def _document(run: SegmentRun, tally: _Tally) -> dict[str, object]:
         "skipped": _skipped(run),
         "ms_per_scan": latency and _rounded(asdict(latency)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
-        "peak_memory_mb": round(_peak_memory_mb(), 1),
+        "peak_memory_mb": round(peak_memory_mb(), 1),
         "resumed_from": run.resumed_from,
         "precision": run.segmenter.precision,
         "output": str(run.output),
@@ -378,7 +379,7 @@ def _print_summary(run: SegmentRun, tally: _Tally, *, range_from: str, verbose: 
     # time and memory
     if latency := tally.latency():
         rows.append(("ms per scan", latency.text()))
-    rows.append(("peak memory", f"{_peak_memory_mb():,.0f} MB"))
+    rows.append(("peak memory", f"{peak_memory_mb():,.0f} MB"))
     rows.append(("map", str(run.output / "map.ply")))
     if verbose:
         medians = tally.stage_medians().items()
@@ -398,9 +399,3 @@ def _skipped(run: SegmentRun) -> list[str]:
 
 def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:
     return {name: value and round(value, 3) for name, value in values.items()}
-
-
-def _peak_memory_mb() -> float:
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
