@@ -11,6 +11,19 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """The triangles that a building's points lie on.
+
+    Attributes:
+        triangles: (T, 3, 3) float32 corners, metres, map frame.
+        points: (T,) int64 a point of the building on each.
+    """
+
+    triangles: NDArray[np.float32]
+    points: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
 class Building:
     """A labelled point cloud of one building (an S3DIS area), room after room.
 
@@ -25,6 +38,7 @@ class Building:
         room_starts: (rooms + 1,) int64; room ``r`` holds the points from ``room_starts[r]`` to
             ``room_starts[r + 1]``.
         object_names: ``room/class_k`` by object; empty when the source does not name them.
+        mesh: The triangles that rays end on; None where there are only points.
     """
 
     xyz: NDArray[np.float32]
@@ -35,6 +49,7 @@ class Building:
     rooms: tuple[str, ...] = ()
     room_starts: NDArray[np.int64] | None = None
     object_names: tuple[str, ...] = ()
+    mesh: Mesh | None = None
 
     def __post_init__(self) -> None:
         shapes = (self.xyz.shape, self.rgb.shape, self.semantic.shape, self.instance.shape)

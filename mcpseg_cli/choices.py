@@ -47,6 +47,9 @@ Clustering = Literal["paper", "graph"]
 
 FloorRule = Literal["map", "scan-min"]
 
+MeshUpAxis = Literal["y", "z"]
+"""The axis of a mesh that points up."""
+
 OnError = Literal["stop", "skip"]
 """What to do about a scan that cannot be read."""
 

@@ -24,7 +24,6 @@ app = typer.Typer(
     name="mcpseg",
     cls=OneLineErrors,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -42,7 +41,7 @@ def _show_version(value: bool) -> None:
 @app.callback()
 def top(
     version: bool = typer.Option(
-        False, "--version", callback=_show_version, is_eager=True, help="Show the version."
+        False, "-V", "--version", callback=_show_version, is_eager=True, help="Show the version."
     ),
 ) -> None:
     """Label 3D point clouds while the robot is still scanning.

@@ -7,13 +7,16 @@ from collections.abc import Iterable
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from mcpseg_cli.resumable import printable
 
 _LONGEST = 1000  # letters of a line: what is longer is shortened in its middle
 _LAST = 300  # of these, how many are of its end, where the remedy is
+_WIDE = 120  # columns of a terminal that has room for everything
+_WIDE_BAR, _NARROW_BAR = 40, 10
+_COUNT_AND_TIME = 13 + 7 + 4  # columns of "123456/654321", "0:12:34" and what parts all of them
 
 
 def plain(text: str, longest: int = _LONGEST) -> str:
@@ -31,6 +34,11 @@ def plain(text: str, longest: int = _LONGEST) -> str:
     return text
 
 
+def is_terminal() -> bool:
+    """Tell whether somebody looks at stderr while a command works."""
+    return Console(stderr=True).is_terminal
+
+
 def notice(line: str, *, quiet: bool = False, console: Console | None = None) -> None:
     """Print one line on stderr unless ``quiet``; beside a progress bar, through its ``console``."""
     if not quiet:
@@ -46,15 +54,19 @@ def progress_bar(title: str, *, quiet: bool) -> Progress:
         quiet: Show nothing, as when stderr is not a terminal.
 
     Returns:
-        A context manager; its tasks have a field ``state`` for the text behind the bar.
+        A context manager; its tasks have a field ``state`` for the text behind the bar, which is
+        cut where the terminal is too narrow for it: bar, count and time left stay.
     """
     console = Console(stderr=True)
+    bar = _WIDE_BAR if console.width >= _WIDE else _NARROW_BAR
+    rest = console.width - len(title) - bar - _COUNT_AND_TIME
+    state = Column(no_wrap=True, overflow="ellipsis", max_width=max(rest, 1))
     return Progress(
         TextColumn(plain(title).replace("{", "{{").replace("}", "}}"), markup=False),
-        BarColumn(),
+        BarColumn(bar),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[state]}", markup=False),
+        TextColumn("{task.fields[state]}", markup=False, table_column=state),
         console=console,
         disable=quiet or not console.is_terminal,
         transient=True,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.options import InstanceField, Json, Quiet, SemanticField
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ def evaluate(
     as_json: Json = False,
     as_csv: Annotated[
         bool, typer.Option("--csv", help="Print CSV: a line for each run and room.")
+    ] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="Print all figures, not eight lines.")
     ] = False,
     rooms: Annotated[
         bool, typer.Option("--rooms", help="Also print a line for each room that GT names.")
@@ -69,17 +73,18 @@ def evaluate(
 
     Every point of a map, one a voxel, is compared with the nearest true point within half a voxel;
     of identical clouds, with the same point. What has no true point, or one without class or
-    object, is counted and not scored.
+    object, is counted and not scored. Accuracy and mIoU are those of the classes in the truth;
+    object accuracy counts true objects met with IoU over 0.5 by one of their class.
 
     A map that covers under half of GT says so first, and the command exits 1 unless
     --allow-partial is given: of the rest the figures say nothing. Where GT is one cloud a scan, and
     the run has fewer scans, it is half of what so many scans are of them.
 
-    Figures are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are given
-    with a room as the unit, too: means over rooms for points and clusters; objects match within
-    rooms and count together. Panoptic quality takes every class for things; "with_stuff", ceiling,
-    floor and wall for stuff. AP is the ScanNet evaluator's: objects of 100 points and more, ranked
-    by mean confidence; "agnostic" ignores classes.
+    Figures of --full are over the whole map. Where GT names rooms (S3DIS, HDF5, raytrace), they are
+    given with a room as the unit, too: means over rooms for points and clusters; objects match
+    within rooms and count together. Panoptic quality takes every class for things; "with_stuff",
+    ceiling, floor and wall for stuff. AP is the ScanNet evaluator's: objects of 100 points and
+    more, ranked by mean confidence; "agnostic" ignores classes.
 
     Of a run's folder, events.jsonl gives the milliseconds per scan, and the labelled scans tell how
     often voxels changed their class or object when seen again, and how good the map was on the way.
@@ -95,11 +100,12 @@ def evaluate(
     \b
     Examples:
       mcpseg eval out/ gt/
-      mcpseg eval out/ s3dis/Area_5 --rooms --plot pictures/
+      mcpseg eval out/ s3dis/Area_5 --full --rooms --plot pictures/
       mcpseg eval out_1 gt_1 out_2 gt_2 --csv > scores.csv
       mcpseg eval out/ gt/ --json --fail-under miou=0.35 --fail-under nmi=0.8
       mcpseg eval out/ scannet_gt/ --class-map models/home_to_nyu40.csv
     """
+    from mcpseg_cli.cli.display import notice
     from mcpseg_cli.cli.fail_under import check_demands, check_names, parse_demands
 
     # what cannot be done is said before anything is read
@@ -119,12 +125,19 @@ def evaluate(
 
     table = None if class_map is None else read_class_map(class_map)
     fields = LabelFields(semantic_field, instance_field)
-    runs = _score_all(list(zip(paths[::2], paths[1::2], strict=True)), table, fields, quiet=quiet)
+    pairs = list(zip(paths[::2], paths[1::2], strict=True))
+    with told_of_compiling(quiet=quiet or as_json or as_csv):
+        runs = _score_all(pairs, table, fields, quiet=quiet)
     document = _document(runs)
 
     # the scores are printed and drawn before demands on them fail
     check_names(demands, document)
-    _print(runs, document, as_json=as_json, as_csv=as_csv, rooms=rooms)
+    if as_json or as_csv:
+        _print_for_programs(runs, document, as_json=as_json)
+    else:
+        _print(runs, document, full=full, rooms=rooms)
+        if not full:
+            notice("mcpseg: all figures: --full; for programs: --json, --csv", quiet=quiet)
     if plot:
         _draw(plot, runs)
     check_demands(demands, document)
@@ -210,20 +223,32 @@ def _document(runs: list[Scores]) -> dict[str, object]:
     return {"runs": documents, "pooled": pool(runs), "mean": average(documents)}
 
 
-def _print(
-    runs: list[Scores], document: dict[str, object], *, as_json: bool, as_csv: bool, rooms: bool
-) -> None:
-    """Print the scores on stdout."""
+def _print_for_programs(runs: list[Scores], document: dict[str, object], *, as_json: bool) -> None:
+    """Print the scores on stdout, as JSON or CSV."""
     import json
 
-    from mcpseg_cli.cli.score_table import print_blocks, print_csv, score_blocks
+    from mcpseg_cli.cli.score_table import print_csv
 
     if as_json:
         typer.echo(json.dumps(document))
-    elif as_csv:
-        print_csv(runs, document)
     else:
-        print_blocks(score_blocks(runs, document, with_rooms=rooms))
+        print_csv(runs, document)
+
+
+def _print(runs: list[Scores], document: dict[str, object], *, full: bool, rooms: bool) -> None:
+    """Print the scores on stdout, in eight lines or all of them."""
+    from mcpseg_cli.cli.display import print_table
+    from mcpseg_cli.cli.headline import headline, headline_of_several
+    from mcpseg_cli.cli.score_table import print_blocks, room_blocks, score_blocks
+
+    if full:
+        print_blocks(score_blocks(runs, document))
+    elif len(runs) == 1:
+        print_table(headline(runs[0]))
+    else:
+        print_blocks([headline_of_several(runs, document)])
+    if rooms and (blocks := room_blocks(runs)):
+        print_blocks(blocks)
 
 
 def _draw(folder: Path, runs: list[Scores]) -> None:

@@ -180,7 +180,8 @@ def _export_run(folder: Path, outputs: list[Path], request: _Request, *, quiet: 
                 done = _export_file(run, output, request)
             else:
                 done = _fill_folder(run, output, request, progress)
-            typer.echo(plain(f"{output}: {done}"))
+            if not quiet:
+                typer.echo(plain(f"{output}: {done}"))
 
 
 def _export_file(run: LabelledRun, output: Path, request: _Request) -> str:

@@ -87,7 +87,7 @@ def _transform(text: str) -> tuple[Path, NDArray[np.float64]]:
 def _print(merged: Merged, output: Path, *, as_json: bool) -> None:
     """Say what was made."""
     from mcpseg_cli.cli.display import print_table
-    from mcpseg_cli.cli.segment import peak_memory_mb
+    from mcpseg_cli.cli.memory import peak_memory_mb
 
     if as_json:
         facts = asdict(merged) | {"empty": [str(folder) for folder in merged.empty]}

@@ -36,7 +36,7 @@ Device = Annotated[str, typer.Option("--device", help="Where the network runs: c
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
 ]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no notices.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no notices, no summary.")]
 Verbose = Annotated[
     bool, typer.Option("-v", "--verbose", help="Also print the milliseconds of each stage.")
 ]
@@ -51,4 +51,6 @@ def number_of_jobs(jobs: int | None) -> int:
     """Return the given number, or how many cores this process may use."""
     import os
 
-    return jobs or len(os.sched_getaffinity(0))
+    if hasattr(os, "sched_getaffinity"):  # Linux; elsewhere all cores may be used
+        return jobs or len(os.sched_getaffinity(0))
+    return jobs or os.cpu_count() or 1

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Engine, ScanFormat, Scanner
+from mcpseg_cli.choices import Engine, MeshUpAxis, ScanFormat, Scanner
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.options import (
     InstanceField,
     Jobs,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from mcpseg_cli.building import Building
     from mcpseg_cli.config import RaytraceSettings
+    from mcpseg_cli.formats.mesh_building import MeshOptions
     from mcpseg_cli.raytrace.record import RaytraceReport
     from mcpseg_cli.raytrace.run import RaytraceRun
 
@@ -43,8 +45,8 @@ def raytrace(
         list[Path],
         typer.Argument(
             metavar="AREA",
-            help="Areas or rooms in the S3DIS layout, HDF5 files "
-            "or labelled clouds (PLY, LAS, NPZ).",
+            help="Areas or rooms in the S3DIS layout, HDF5 files, labelled clouds (PLY, LAS, NPZ), "
+            "or meshes (GLB, OBJ, PLY, IFC).",
         ),
     ],
     output: Annotated[
@@ -124,6 +126,23 @@ def raytrace(
     dropout: Annotated[
         float, typer.Option(metavar="SHARE", help="Share of the points that are lost, 0 to 0.95.")
     ] = 0.0,
+    up: Annotated[
+        MeshUpAxis | None,
+        typer.Option(help="Axis of a mesh that points up.  [default: y of GLB, z of IFC]"),
+    ] = None,
+    scale: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-6, max=1e6, help="Metres to one unit of a mesh: 0.001 for mm.  [default: 1]"
+        ),
+    ] = None,
+    classes: Annotated[
+        Path | None,
+        typer.Option(
+            help="Class table of a mesh: CSV 'label,class' or a JSON object; labels are names of "
+            "objects, meshes, materials or IFC types, * for any letters.  [default: S3DIS words]"
+        ),
+    ] = None,
     format: Annotated[ScanFormat, typer.Option(help="Format of the clouds.")] = "ply",  # noqa: A002
     cache: Annotated[
         Path | None,
@@ -159,10 +178,13 @@ def raytrace(
     Examples:
       mcpseg raytrace s3dis/Area_1 --step 0.2
       mcpseg raytrace s3dis/Area_1 s3dis/Area_2 -o data/ --engine processes
+      mcpseg raytrace house.glb --classes names.csv -o house_scans/
       mcpseg raytrace office.ply --scanner authors --plot route.png -o office_scans/
       mcpseg raytrace office.ply --scanner depth-camera --step 0.4 -o office_walk/
     """
     from mcpseg_cli.config import SCANNERS, RaytraceSettings
+    from mcpseg_cli.formats.class_table import read_class_table
+    from mcpseg_cli.formats.mesh_building import MeshOptions
 
     settings = settings_of(
         RaytraceSettings,
@@ -200,7 +222,7 @@ def raytrace(
         num_jobs = min(number_of_jobs(jobs), len(commands))
         quiet = quiet or as_json
         done = run_all(commands, "raytrace", engine, scheduler, jobs=num_jobs, quiet=quiet)
-        _tell([json.loads(outcome.stdout) for outcome in done], as_json=as_json)
+        _tell([json.loads(outcome.stdout) for outcome in done], as_json=as_json, quiet=quiet)
         return
 
     # area after area, each with its own table
@@ -210,20 +232,23 @@ def raytrace(
         jobs=number_of_jobs(jobs),
         cache=cache,
         fields=(semantic_field, instance_field),
+        mesh=MeshOptions(up, scale, read_class_table(classes) if classes else None, voxel_size),
         overwrite=overwrite,
         quiet=quiet,
         show=not (quiet or as_json),
     )
     documents = []
     for area, folder in zip(areas, folders, strict=True):
-        documents.append(task.trace(area, folder, waypoints, plot).model_dump(mode="json"))
+        with told_of_compiling(quiet=not task.show):
+            report = task.trace(area, folder, waypoints, plot)
+        documents.append(report.model_dump(mode="json"))
         if not as_json:
-            _tell(documents[-1:], as_json=False)
+            _tell(documents[-1:], as_json=False, quiet=quiet)
     if as_json:
         _tell(documents, as_json=True)
 
 
-def _tell(documents: list[dict[str, JsonValue]], *, as_json: bool) -> None:
+def _tell(documents: list[dict[str, JsonValue]], *, as_json: bool, quiet: bool = False) -> None:
     """Print reports as tables, or as one JSON document."""
     from mcpseg_cli.cli.display import print_table
     from mcpseg_cli.raytrace.record import RaytraceReport
@@ -231,7 +256,7 @@ def _tell(documents: list[dict[str, JsonValue]], *, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
         return
-    for document in documents:
+    for document in documents if not quiet else ():
         print_table(_rows(RaytraceReport.model_validate(document)))
 
 
@@ -262,6 +287,7 @@ class _Task:
         jobs: Threads.
         cache: Folder for parsed areas.
         fields: Attributes of labelled clouds that are class and object; None: usual names.
+        mesh: How to take meshes.
         overwrite: Replace earlier scans.
         quiet: Say nothing of what was noticed.
         show: Show progress.
@@ -272,6 +298,7 @@ class _Task:
     jobs: int
     cache: Path | None
     fields: tuple[str | None, str | None]
+    mesh: MeshOptions
     overwrite: bool
     quiet: bool
     show: bool
@@ -280,8 +307,7 @@ class _Task:
         self, area: Path, folder: Path, given: Path | None, picture: Path | None
     ) -> RaytraceReport:
         """Trace one area; return what there is to say about it."""
-        import resource
-
+        from mcpseg_cli.cli.memory import peak_memory_mb
         from mcpseg_cli.raytrace.drive import find_waypoints
         from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
         from mcpseg_cli.resumable import exclusive
@@ -296,8 +322,7 @@ class _Task:
             self._plan(run, picture)
             self._scan(run)
 
-        peak_memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        return run.report(perf_counter() - started, peak_memory_mb)
+        return run.report(perf_counter() - started, peak_memory_mb())
 
     def _read(self, area: Path) -> Building:
         """Read the building under a progress bar; say what was noticed."""
@@ -314,7 +339,9 @@ class _Task:
                 )
 
             fields = LabelFields(*self.fields)
-            building, notices = read_building(area, self.cache, progress, self.jobs, fields=fields)
+            building, notices = read_building(
+                area, self.cache, progress, self.jobs, fields=fields, mesh=self.mesh
+            )
         for line in notices:
             notice(f"mcpseg: {area}: {line}", quiet=self.quiet)
         return building

@@ -1,4 +1,4 @@
-"""Scores as people and spreadsheets read them: a table on a terminal, else aligned text, or CSV."""
+"""All scores as people and spreadsheets read them: a table on a terminal, else text, or CSV."""
 
 from __future__ import annotations
 
@@ -66,7 +66,11 @@ _SECTIONS: tuple[tuple[str, tuple[str, ...]], ...] = (
         tuple(f"rooms.{name}" for name in _BY_ROOM),
     ),
     ("scans", ("scans", "skipped")),
-    ("milliseconds per scan, reading and writing included (events.jsonl)", ("ms_per_scan.",)),
+    (
+        "milliseconds per scan, reading and writing included (events.jsonl); warm_up: the slowest "
+        "first scan of a start, which is left out of the others",
+        ("ms_per_scan.",),
+    ),
     (
         "stability of labels (unit: {unit} in a scan, against the scan that saw it before)",
         ("stability.",),
@@ -86,7 +90,7 @@ class Block:
     """Lines of a table under one heading.
 
     Attributes:
-        title: The heading.
+        title: The heading; may be empty.
         columns: Titles of the columns behind the name, those that have a value; a single one is not
             printed.
         rows: The name and the value in each column.
@@ -97,15 +101,12 @@ class Block:
     rows: tuple[tuple[str, ...], ...]
 
 
-def score_blocks(
-    runs: Sequence[Scores], document: Mapping[str, object], *, with_rooms: bool
-) -> list[Block]:
-    """Lay out the scores of one or several runs.
+def score_blocks(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Block]:
+    """Lay out all scores of one or several runs.
 
     Args:
         runs: The runs.
         document: That of the run, or ``runs``, ``pooled`` and ``mean`` of several.
-        with_rooms: Add a line for every room.
 
     Returns:
         Headings say the unit and the protocol; lines without any value are left out.
@@ -121,14 +122,14 @@ def score_blocks(
     }
 
     # the sections that have anything to say
-    columns = _columns(runs, document)
+    columns = columns_of(runs, document)
     blocks = [_block(title.format(**protocol), names, columns) for title, names in _SECTIONS]
-    blocks = [block for block in blocks if block.rows]
+    return [block for block in blocks if block.rows] + _map_blocks(runs)
 
-    blocks += _map_blocks(runs)
-    if with_rooms:
-        blocks += [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
-    return blocks
+
+def room_blocks(runs: Sequence[Scores]) -> list[Block]:
+    """Lay out a line for every room of every run whose truth names rooms."""
+    return [_room_block(run, len(runs) > 1) for run in runs if run.rooms]
 
 
 def print_blocks(blocks: Sequence[Block]) -> None:
@@ -164,7 +165,7 @@ def print_csv(runs: Sequence[Scores], document: Mapping[str, object]) -> None:
         writer.writerow({**line, **texts})
 
 
-def _columns(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Column]:
+def columns_of(runs: Sequence[Scores], document: Mapping[str, object]) -> list[Column]:
     """Choose the columns: map and rooms of one run; every run, pooled and mean of several."""
     if len(runs) == 1:
         flat = flatten(document)
@@ -260,7 +261,8 @@ def _distinct(texts: Iterable[str]) -> str:
 
 def _print_plain(block: Block, width: int) -> None:
     """Print one block as aligned text, names in so many letters."""
-    typer.echo(f"# {plain(block.title)}")
+    if block.title:
+        typer.echo(f"# {plain(block.title)}")
     lines = [("", *map(plain, block.columns))] if len(block.columns) > 1 else []
     lines += [tuple(map(plain, row)) for row in block.rows]
     columns = range(1, len(block.columns) + 1)
@@ -272,7 +274,8 @@ def _print_plain(block: Block, width: int) -> None:
 
 def _print_rich(console: Console, block: Block) -> None:
     """Print one block as a table."""
-    console.print(Text(plain(block.title), style="bold cyan"))
+    if block.title:
+        console.print(Text(plain(block.title), style="bold cyan"))
     table = Table(
         box=None, pad_edge=False, show_header=len(block.columns) > 1, padding=(0, 2, 0, 2)
     )

@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,6 +23,7 @@ from mcpseg_cli.choices import (
     Precision,
     ScanFormat,
 )
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.following import Arriving
 from mcpseg_cli.cli.intake_options import (
     AskedIntake,
@@ -34,6 +35,7 @@ from mcpseg_cli.cli.intake_options import (
     Up,
 )
 from mcpseg_cli.cli.interrupt import Interrupt
+from mcpseg_cli.cli.memory import peak_memory_mb
 from mcpseg_cli.cli.options import (
     Device,
     Jobs,
@@ -50,6 +52,7 @@ from mcpseg_cli.cli.settings import settings_of
 if TYPE_CHECKING:
     from mcpseg_cli.cli.first_look import Taken
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
+    from mcpseg_cli.evaluate.scan_by_scan import Latency
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import Recording
     from mcpseg_cli.incremental.column import Memory
@@ -324,7 +327,8 @@ def segment(
     chosen = open_method(method, weights)
     found = "as given" if local_range is not None else "the default"
     if is_auto or (local_range is None and _sees_rooms(chosen)):
-        distance, found = _find_range(opened, taken, settings, quiet=quiet)
+        with told_of_compiling(quiet=quiet or as_json):
+            distance, found = _find_range(opened, taken, settings, quiet=quiet)
         settings = settings.model_copy(update={"local_range": distance})
     memory = _memory(folder, keep_near, offline=offline)
     segmenter = IncrementalSegmenter(
@@ -336,6 +340,7 @@ def segment(
     )  # fmt: skip
 
     with ExitStack() as entered:
+        entered.enter_context(told_of_compiling(quiet=quiet or as_json))
         live = entered.enter_context(_live_map(rerun, segmenter)) if rerun else None
         run = entered.enter_context(
             SegmentRun(opened, folder, segmenter, options, overwrite=overwrite)
@@ -354,7 +359,7 @@ def segment(
 
         if as_json:
             typer.echo(json.dumps(_document(run, opened, tally)))
-        else:
+        elif not quiet:
             _print_summary(run, opened, tally, taken, range_from=found, verbose=verbose)
 
     if interrupt.asked and (pending := _num_pending(run)):
@@ -524,6 +529,7 @@ class _Tally:
     """What this run did."""
 
     ms: list[float] = field(default_factory=list)
+    warm_up_ms: list[float] = field(default_factory=list)
     stages: list[dict[str, float]] = field(default_factory=list)
     points: int = 0
     points_labelled: int = 0
@@ -534,17 +540,14 @@ class _Tally:
         self.points_unmeasured += report.num_unmeasured
         if report.update is not None:
             self.points_labelled += int((report.update.point_ids >= 0).sum())
-            self.ms.append(report.ms)
+            (self.warm_up_ms if report.is_first else self.ms).append(report.ms)
             self.stages.append(report.update.ms)
 
-    def percentiles(self) -> tuple[float, float, float] | None:
-        """Give median, 95th percentile and maximum of the milliseconds per scan."""
-        import numpy as np
+    def latency(self) -> Latency | None:
+        """Summarise the milliseconds per scan, the first one apart."""
+        from mcpseg_cli.evaluate.scan_by_scan import Latency
 
-        if not self.ms:
-            return None
-        p50, p95, slowest = np.percentile(self.ms, (50, 95, 100)).tolist()
-        return p50, p95, slowest
+        return Latency.of(self.ms, self.warm_up_ms)
 
     def stage_medians(self) -> dict[str, float]:
         """Give the median milliseconds of each stage."""
@@ -556,7 +559,7 @@ class _Tally:
 
 def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str, object]:
     """Say what a run did, by name."""
-    ms = tally.percentiles()
+    latency = tally.latency()
     return {
         "scans": len(run.records),
         "pending": _num_pending(run),
@@ -567,7 +570,7 @@ def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str,
         "points_left_out": tally.points_unmeasured,
         "skipped": _skipped(run),
         "pairing": recording.pairing_as_json(),
-        "ms_per_scan": ms and dict(zip(("p50", "p95", "max"), _rounded(ms), strict=True)),
+        "ms_per_scan": latency and _rounded(asdict(latency)),
         "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
         "peak_memory_mb": round(peak_memory_mb(), 1),
         "resumed_from": run.resumed_from,
@@ -614,9 +617,8 @@ def _print_summary(
     rows.append(("objects", f"{run.segmenter.clusters.num_objects:,}"))
 
     # time and memory
-    if ms := tally.percentiles():
-        p50, p95, slowest = ms
-        rows.append(("ms per scan", f"{p50:.1f} median, {p95:.1f} p95, {slowest:.1f} max"))
+    if latency := tally.latency():
+        rows.append(("ms per scan", latency.text()))
     rows.append(("peak memory", f"{peak_memory_mb():,.0f} MB"))
     rows.append(("map", str(run.output / "map.ply")))
     if verbose:
@@ -635,12 +637,5 @@ def _skipped(run: SegmentRun) -> list[str]:
     return [record.name for record in run.records if record.error is not None]
 
 
-def _rounded(values: tuple[float, ...]) -> list[float]:
-    return [round(value, 3) for value in values]
-
-
-def peak_memory_mb() -> float:
-    """Return the most memory this process has had, MB."""
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:
+    return {name: value and round(value, 3) for name, value in values.items()}

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from mcpseg_cli.choices import ModelPart, SynthClasses
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.options import Jobs, Json, Overwrite, Quiet, Seed, number_of_jobs
 
 _S3DIS_POINTS = {
@@ -116,7 +117,8 @@ def synth(
     # room by room, counted by class
     points = dict.fromkeys(CLASSES_OF[classes], 0)
     objects = dict.fromkeys(points, 0)
-    with exclusive(area), progress_bar("build", quiet=quiet or as_json) as bar:
+    told = told_of_compiling(quiet=quiet or as_json)
+    with exclusive(area), told, progress_bar("build", quiet=quiet or as_json) as bar:
         total, written = write_area(
             area, request, number_of_jobs(jobs), models=meshes, overwrite=overwrite
         )
@@ -133,9 +135,9 @@ def synth(
         document |= {"points_by_class": points, "objects_by_class": objects}
         document |= {"seconds": round(perf_counter() - started, 2)}
         typer.echo(json.dumps(document))
-        return
-    _print_summary(total, points, objects)
-    print_table([("time", f"{perf_counter() - started:,.1f} s"), ("output", str(area))])
+    elif not quiet:
+        _print_summary(total, points, objects)
+        print_table([("time", f"{perf_counter() - started:,.1f} s"), ("output", str(area))])
 
 
 def _print_summary(rooms: int, points: dict[str, int], objects: dict[str, int]) -> None:

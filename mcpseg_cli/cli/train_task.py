@@ -12,6 +12,7 @@ from time import perf_counter
 
 import typer
 
+from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.display import notice, plain, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
 from mcpseg_cli.config import CheckpointSettings, TrainSettings
@@ -90,6 +91,8 @@ class TrainTask:
     def _run(self, areas: Sequence[Area], folds: Sequence[tuple[Fold, TrainFiles]]) -> None:
         """Train every fold, see ``run``."""
         with ExitStack() as stack:
+            stack.enter_context(told_of_compiling(quiet=not self.show_progress))
+
             # nobody else writes these files, and nothing there is lost
             if self.is_first:
                 for _, files in folds:
@@ -203,6 +206,7 @@ class TrainTask:
         if self.options.as_json:
             documents = [record.model_dump(mode="json") for record in records]
             typer.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+        if self.options.as_json or self.options.quiet:
             return
 
         for record in records:
@@ -218,7 +222,7 @@ class TrainTask:
 def _state(progress: Progress, epochs: int, rate: float, batch_size: int) -> str:
     """Say where training is, in the width of a line."""
     scores = progress.scores
-    parts = [
+    parts = [  # the first ones stay on a narrow terminal
         f"epoch {progress.epoch}/{epochs}",
         f"loss {scores.loss:.3f}",
         f"class {scores.accuracy:.1%}",

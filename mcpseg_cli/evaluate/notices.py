@@ -46,6 +46,10 @@ def find_notices(
     elif not (paired.instance > 0).any():
         yield f"{truth.source}: no covered point is in an object; cluster and object figures are 0"
 
+    if not (prediction.semantic != UNKNOWN).any():
+        nothing = "no point has a class, as of region growing"
+        yield f"{prediction.source}: {nothing}; class figures are 0, objects count by shape alone"
+
     # confidence that says something else
     if prediction.confidence is not None and not is_probability(prediction.confidence):
         yield f"{prediction.source}: confidence beyond 0 to 1; its calibration is not measured"

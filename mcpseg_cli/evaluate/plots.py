@@ -91,7 +91,10 @@ def plot_confusion(
 
 
 def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str, ...]) -> None:
-    """Draw a bar for the IoU of every class, and the means, as PNG.
+    """Draw a bar for the IoU of every class of the truth, and their mean, as PNG.
+
+    Classes without a true point have no bar; they are named, and those predicted all the same with
+    their number of points.
 
     Args:
         path: The picture; replaced if there.
@@ -104,29 +107,41 @@ def plot_class_iou(path: Path, confusion: NDArray[np.int64], classes: tuple[str,
     from matplotlib.figure import Figure
 
     scores = score_classes(confusion, classes)
-    values = [scores.iou[name] for name in classes]
-    figure = Figure(figsize=(max(6.0, 1.5 + 0.62 * len(classes)), 4.2), layout="constrained")
+    present = confusion.sum(axis=1) > 0
+    names = [name for name, is_there in zip(classes, present, strict=True) if is_there]
+    figure = Figure(figsize=(max(6.0, 1.5 + 0.62 * len(names)), 4.2), layout="constrained")
     axes = figure.add_subplot()
 
     # a bar with its number for each class
-    heights = [value or 0.0 for value in values]
-    axes.bar(range(len(classes)), heights, color=_BLUE, width=0.7, zorder=2)
-    for index, (value, height) in enumerate(zip(values, heights, strict=True)):
-        text = "none" if value is None else f"{value:.2f}"
-        colour = _GREY if value is None else "black"
-        axes.text(index, height + 0.012, text, ha="center", va="bottom", fontsize=8, color=colour)
+    heights = [scores.iou[name] or 0.0 for name in names]
+    axes.bar(range(len(names)), heights, color=_BLUE, width=0.7, zorder=2)
+    for index, height in enumerate(heights):
+        axes.text(index, height + 0.012, f"{height:.2f}", ha="center", va="bottom", fontsize=8)
 
-    # a line for each mean
-    means = (("mIoU", scores.miou, "--"), ("mIoU of the classes present", scores.miou_present, ":"))
-    for name, mean, style in means:
-        label = f"{name} {mean:.3f}"
-        axes.axhline(mean, color=_RED, linestyle=style, linewidth=1.2, label=label, zorder=3)
+    # a line for the mean, a word for the classes that are not in it
+    label = f"mIoU of {len(names)} classes {scores.miou_present:.3f}"
+    axes.axhline(
+        scores.miou_present, color=_RED, linestyle="--", linewidth=1.2, label=label, zorder=3
+    )
+    if absent := _absent(confusion, classes):
+        axes.set_xlabel(f"not in the truth: {absent}", fontsize=8, color=_GREY, wrap=True)
 
-    _name_columns(axes, classes)
+    _name_columns(axes, names)
     axes.set(ylim=(0.0, 1.06), ylabel="IoU")
-    figure.legend(loc="outside upper center", ncols=2, fontsize=9, frameon=False)
+    figure.legend(loc="outside upper center", fontsize=9, frameon=False)
     _tidy(axes)
     _save(figure, path)
+
+
+def _absent(confusion: NDArray[np.int64], classes: tuple[str, ...]) -> str:
+    """Name the classes without a true point, and how many points each was predicted for."""
+    true, predicted = confusion.sum(axis=1), confusion[:, : len(classes)].sum(axis=0)
+    words = [
+        f"{name} (predicted for {count:,})" if count else name
+        for name, total, count in zip(classes, true.tolist(), predicted.tolist(), strict=True)
+        if total == 0
+    ]
+    return ", ".join(words)
 
 
 def plot_reliability(path: Path, reliability: Reliability, unit: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,15 +62,36 @@ class ScanByScan:
 class Latency:
     """Milliseconds per scan, reading and writing included.
 
+    The first scan of every start waits for kernels and libraries, and is none of these unless there
+    is no other.
+
     Attributes:
         p50: Median.
         p95: 95th percentile.
         max: The slowest.
+        warm_up: The slowest of the first scans; None where none is left out.
     """
 
     p50: float
     p95: float
     max: float
+    warm_up: float | None = None
+
+    @classmethod
+    def of(cls, ms: Sequence[float], warm_up: Sequence[float] = ()) -> Self | None:
+        """Summarise milliseconds, those of first scans apart; None where there are none at all."""
+        counted = ms or warm_up
+        if not counted:
+            return None
+        p50, p95, highest = np.percentile(counted, [50, 95, 100]).tolist()
+        return cls(p50, p95, highest, max(warm_up) if ms and warm_up else None)
+
+    def text(self) -> str:
+        """Write it for reading."""
+        text = f"{self.p50:.1f} median, {self.p95:.1f} p95, {self.max:.1f} max"
+        if self.warm_up is None:
+            return text
+        return f"{text}; the first, {self.warm_up:,.0f}, is not counted"
 
 
 def follow_scans(
@@ -130,11 +152,10 @@ def follow_scans(
 
 def measure_latency(events: Sequence[ScanEvent]) -> Latency | None:
     """Summarise the milliseconds of the scans that have them; None if none has."""
-    ms = [event.ms for event in events if event.ms is not None and not event.skipped]
-    if not ms:
-        return None
-    p50, p95, highest = np.percentile(ms, [50, 95, 100])
-    return Latency(float(p50), float(p95), float(highest))
+    timed = [event for event in events if event.ms is not None and not event.skipped]
+    first = [event.ms for event in timed if event.ms is not None and event.is_first]
+    others = [event.ms for event in timed if event.ms is not None and not event.is_first]
+    return Latency.of(others, first)
 
 
 def _find_problem(folder: Path, files: list[Path], final: Prediction, voxels: VoxelMap) -> str:

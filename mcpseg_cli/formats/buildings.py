@@ -14,6 +14,8 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.hdf5 import read_building_h5
 from mcpseg_cli.formats.labels import USUAL, LabelFields, find_label, point_labels
+from mcpseg_cli.formats.mesh_building import MeshOptions, read_mesh_building
+from mcpseg_cli.formats.meshes import MESH_SUFFIXES, is_mesh
 from mcpseg_cli.formats.s3dis import Progress, read_area
 from mcpseg_cli.scan import GREY
 
@@ -32,6 +34,7 @@ def read_building(
     *,
     use_cache: bool = True,
     fields: LabelFields = USUAL,
+    mesh: MeshOptions | None = None,
 ) -> tuple[Building, tuple[str, ...]]:
     """Read a labelled building.
 
@@ -45,6 +48,7 @@ def read_building(
         threads: S3DIS files read at once.
         use_cache: False neither reads nor writes the S3DIS cache.
         fields: Which attributes of a cloud are its labels.
+        mesh: How to take meshes (``read_mesh_building``); None: they are no buildings.
 
     Returns:
         The building, and a line for each thing the user should know.
@@ -61,11 +65,15 @@ def read_building(
         building = read_building_h5(path)
     elif not path.exists():
         raise InputError(path, "no such file or folder", "a labelled building", "check the path")
+    elif mesh is not None and is_mesh(path):
+        building, notices = read_mesh_building(path, mesh)
     elif path.suffix.lower() in CLOUD_SUFFIXES:
         building, notices = _from_cloud(path, read_measured(path), fields)
     else:
         found = f"a file ending in {path.suffix or 'nothing'!r}"
-        expected = f"a folder, {', '.join((*HDF5_SUFFIXES, *CLOUD_SUFFIXES))}"
+        meshes = MESH_SUFFIXES if mesh else ()
+        known = dict.fromkeys((*HDF5_SUFFIXES, *CLOUD_SUFFIXES, *meshes))
+        expected = f"a folder, {', '.join(known)}"
         raise InputError(path, found, expected, "convert it")
 
     _check_extent(path, building.xyz)

@@ -3,7 +3,6 @@
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch.utils.mkldnn import to_mkldnn
 
 from mcpseg_cli.config import BATCH, EMBEDDING, HIDDEN, NUM_FEATURES
 from mcpseg_cli.networks.network import Network
@@ -101,9 +100,16 @@ class MCPNet(Network):
 
         has_onednn = torch.backends.mkldnn.is_available()  # type: ignore[no-untyped-call]
         if has_onednn and self.context_1.weight.device.type == "cpu":
-            self.context_1 = to_mkldnn(self.context_1)  # type: ignore[no-untyped-call]
-            self.context_2 = to_mkldnn(self.context_2)  # type: ignore[no-untyped-call]
+            for layer in (self.context_1, self.context_2):
+                _to_onednn(layer)
             self._pools_in_onednn = True
+
+
+def _to_onednn(layer: nn.Linear) -> None:
+    """Lay the parameters of a layer out as oneDNN has them; it then takes tensors of that kind."""
+    for name, values in list(layer.named_parameters()):
+        delattr(layer, name)
+        layer.register_buffer(name, values.detach().to_mkldnn())
 
 
 class MCPNetNoContext(MCPNet):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.raytrace.coverage import choose_waypoints, reached_shares
 from mcpseg_cli.raytrace.floor_plan import FloorPlan, build_floor_plan
+from mcpseg_cli.raytrace.inside import look_around_inside
 from mcpseg_cli.raytrace.rays import cast_rays
 from mcpseg_cli.raytrace.record import RouteRecord
 from mcpseg_cli.raytrace.route import Route, plan_route, read_waypoints
@@ -143,7 +144,10 @@ def plan_drive(
     source = waypoints.source or "the building"
 
     # where a robot can stand
-    plan = build_floor_plan(building.xyz)
+    points = building.xyz
+    if scanner.triangles is not None:
+        points = look_around_inside(scanner.triangles, building)
+    plan = build_floor_plan(points)
     if not plan.free.any():
         expected = "floor with 1.4 m of free space over it"
         raise InputError(source, "no free floor", expected, "is z up, in metres?")

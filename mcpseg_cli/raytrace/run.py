@@ -151,7 +151,7 @@ class RaytraceRun:
             OSError: The folder or the picture cannot be written.
         """
         share = len(self.scanner.building) / len(self.scanner.grid)
-        if share < _FEW_POINTS:
+        if share < _FEW_POINTS and self.scanner.triangles is None:
             remedy = f"give a --voxel-size above {self.request.settings.voxel_size:g}"
             notify(f"only {share:.1f} points a voxel: rays may pass through walls; {remedy}")
         if self.poses is not None and picture is None:

@@ -13,6 +13,7 @@ from mcpseg_cli.config import RaytraceSettings
 from mcpseg_cli.formats import Cloud
 from mcpseg_cli.raytrace.occupancy import OccupancyGrid, build_grid
 from mcpseg_cli.raytrace.rays import ScanPattern, cast_rays, visible_voxels
+from mcpseg_cli.raytrace.triangles import TriangleScene
 
 POSE_COLUMNS = "scan,x,y,z,qx,qy,qz,qw"
 _DECIMALS = 6  # of a position in metres
@@ -26,7 +27,7 @@ class VirtualScan:
         voxels: (N,) int32 numbers of the grid's voxels, ascending, each once.
         points: (N,) int64 points of the building.
         xyz: (N, 3) float32, metres, map frame: the building's own coordinates; with noise, moved
-            along the ray.
+            along the ray. Of meshes, the ends of rays.
     """
 
     voxels: NDArray[np.int32]
@@ -51,6 +52,7 @@ class VirtualScanner:
         self.grid: OccupancyGrid = build_grid(building.xyz, settings.voxel_size, settings.seed)
         self.pattern = pattern_of(settings)
         self._directions = self.pattern.directions()
+        self.triangles = None if building.mesh is None else TriangleScene(building, self.grid)
 
     def scan(self, number: int, position: NDArray[np.float64]) -> VirtualScan:
         """Scan from one place.
@@ -63,23 +65,36 @@ class VirtualScanner:
         Returns:
             A point for each voxel in sight; none where nothing is within reach.
         """
-        voxels = visible_voxels(self.grid, position, self._directions, self.settings.reach)
+        sight = self._look(position)
         if self.settings.dropout == self.settings.noise == 0.0:
-            points = self.grid.points[voxels]
-            return VirtualScan(voxels, points, self.building.xyz[points])
+            return sight
 
         # some points are lost, but never all
         rng = np.random.default_rng((self.settings.seed, number))
-        kept = rng.random(len(voxels)) >= self.settings.dropout
+        kept = rng.random(len(sight.voxels)) >= self.settings.dropout
         kept[:1] |= not kept.any()  # a scan without a point is no scan
-        voxels = voxels[kept]
-        points = self.grid.points[voxels]
+        voxels, points = sight.voxels[kept], sight.points[kept]
 
         # the others move along their rays
-        ray = self.building.xyz[points] - position
+        ray = sight.xyz[kept] - position
         distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-6)
         offset = ray / distance * rng.normal(0.0, self.settings.noise, (len(points), 1))
         return VirtualScan(voxels, points, (position + ray + offset).astype(np.float32))
+
+    def _look(self, position: NDArray[np.float64]) -> VirtualScan:
+        """Return what is in sight from a place, measured without error."""
+        if self.triangles is None:
+            voxels = visible_voxels(self.grid, position, self._directions, self.settings.reach)
+            points = self.grid.points[voxels]
+            return VirtualScan(voxels, points, self.building.xyz[points])
+
+        # of a mesh, the end of one ray for each voxel
+        hits = self.triangles.cast(position, self._directions, self.settings.reach)
+        rays = np.flatnonzero(hits.voxels >= 0)
+        voxels, first = np.unique(hits.voxels[rays], return_index=True)
+        rays = rays[first]
+        xyz = position + self._directions[rays] * hits.distance[rays, None]
+        return VirtualScan(voxels, hits.points[rays], xyz.astype(np.float32))
 
     def sees_anything(self, position: NDArray[np.float64]) -> bool:
         """Tell whether a scan from a place, (3,) float64 metres, map frame, would have a point."""

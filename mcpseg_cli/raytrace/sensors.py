@@ -70,6 +70,7 @@ class _Sight:
 
     rays: NDArray[np.float64]
     voxels: NDArray[np.int32]
+    points: NDArray[np.int64]
     distance: NDArray[np.float64]
     cosine: NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class SensorInBuilding:
     def __init__(self, scanner: VirtualScanner) -> None:
         self._scanner, self._settings = scanner, scanner.settings
         settings, building, grid = scanner.settings, scanner.building, scanner.grid
-        self._surfaces = find_surfaces(grid, building.xyz)
+        self._surfaces = None if scanner.triangles else find_surfaces(grid, building.xyz)
         self._nearest = _NEAREST[settings.sensor]
         self._is_camera = settings.sensor == "depth-camera"
 
@@ -126,7 +127,7 @@ class SensorInBuilding:
         measured = sight.distance + self._errors(sight, rng)
         seen = _turned(sight.rays[rays] * measured[rays, None], pose[:3, :3])
         xyz = (seen + pose[:3, 3]).astype(np.float32)
-        return VirtualScan(voxels, self._scanner.grid.points[voxels], xyz)
+        return VirtualScan(voxels, sight.points[rays], xyz)
 
     def sees_anything(self, pose: NDArray[np.float64]) -> bool:
         """Tell whether a scan from a pose, (4, 4) float64, would have some points."""
@@ -145,8 +146,14 @@ class SensorInBuilding:
         about_z = Rotation.from_euler("z", turn).as_matrix()
         rays = _turned(self._rays, about_z)
         on_map = _turned(rays, pose[:3, :3])
-        voxels = cast_rays(self._scanner.grid, pose[:3, 3], on_map, self._settings.reach)
-        return _Sight(rays, voxels, *self._surfaces.meet(voxels, pose[:3, 3], on_map))
+        scanner, origin, reach = self._scanner, pose[:3, 3], self._settings.reach
+        if scanner.triangles is not None:
+            hits = scanner.triangles.cast(origin, on_map, reach)
+            return _Sight(rays, hits.voxels, hits.points, hits.distance, hits.cosine)
+        assert self._surfaces is not None
+        voxels = cast_rays(scanner.grid, origin, on_map, reach)
+        points = scanner.grid.points[voxels]
+        return _Sight(rays, voxels, points, *self._surfaces.meet(voxels, origin, on_map))
 
     def _in_range(self, sight: _Sight) -> NDArray[np.bool_]:
         """Mark the rays that end where the sensor can measure."""

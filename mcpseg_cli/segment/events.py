@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from mcpseg_cli.incremental.segmenter import ScanUpdate
 
 
+_TIMES = ("ms", "warm_up")  # of a line, beside its event
+
+
 @dataclass(frozen=True)
 class LabelledEvent:
     """A scan was labelled.
@@ -109,15 +112,20 @@ class MergedEvent:
 Event = LabelledEvent | SkippedEvent | MergedEvent
 
 
-def event_text(event: Event, ms: Mapping[str, float] | None = None) -> str:
+def event_text(
+    event: Event, ms: Mapping[str, float] | None = None, *, is_first: bool = False
+) -> str:
     """Write an event as JSON, in one line.
 
     Args:
         event: What happened.
         ms: Milliseconds by stage, where they are known.
+        is_first: Whether these are of the first scan of a start, which waits for kernels.
     """
-    times = {stage: round(value, 3) for stage, value in ms.items()} if ms else None
-    return json.dumps(vars(event) | ({"ms": times} if times else {}))
+    if not ms:
+        return json.dumps(vars(event))
+    times = {stage: round(value, 3) for stage, value in ms.items()}
+    return json.dumps(vars(event) | {"ms": times} | ({"warm_up": True} if is_first else {}))
 
 
 def parse_event(text: str) -> Event:
@@ -137,7 +145,12 @@ def parse_event(text: str) -> Event:
 
 
 def append_event(
-    path: Path, event: Event, ms: Mapping[str, float] | None, *, is_durable: bool = False
+    path: Path,
+    event: Event,
+    ms: Mapping[str, float] | None,
+    *,
+    is_first: bool = False,
+    is_durable: bool = False,
 ) -> None:
     """Append an event to events.jsonl, with the times that are known only after the commit.
 
@@ -145,13 +158,14 @@ def append_event(
         path: The file.
         event: What happened.
         ms: Milliseconds by stage, where they are known.
+        is_first: Whether these are of the first scan of a start, which waits for kernels.
         is_durable: Wait until it is on the disk.
 
     Raises:
         OSError: The disk is full.
     """
     with naming(path), path.open("a") as file:
-        file.write(f"{event_text(event, ms)}\n")
+        file.write(f"{event_text(event, ms, is_first=is_first)}\n")
         if is_durable:
             file.flush()
             os.fsync(file.fileno())
@@ -184,7 +198,9 @@ def _is_of(line: str, event: Event) -> bool:
         facts = json.loads(line)
     except (ValueError, RecursionError):
         return False
-    return isinstance(facts, dict) and facts | {"ms": None} == vars(event) | {"ms": None}
+    if not isinstance(facts, dict):
+        return False
+    return {name: facts[name] for name in facts if name not in _TIMES} == vars(event)
 
 
 class _Line(BaseModel):
@@ -193,6 +209,7 @@ class _Line(BaseModel):
     name: Annotated[str, AfterValidator(check_file_name)]
     skipped: str | None = None
     merged: str | None = None
+    warm_up: bool = False
     ms: dict[str, Annotated[float, Field(ge=0.0, le=1e12)]] | None = None
 
 
@@ -204,11 +221,13 @@ class ScanEvent:
         name: File name of the scan.
         skipped: Whether it was not read in this run: it could not be, or is of a merged map.
         ms: Milliseconds from reading it to the last output; None where this was not kept.
+        is_first: Whether it was the first of a start, which waits for kernels.
     """
 
     name: str
     skipped: bool
     ms: float | None
+    is_first: bool = False
 
 
 def read_events(path: Path) -> list[ScanEvent]:
@@ -227,7 +246,7 @@ def read_events(path: Path) -> list[ScanEvent]:
             entry = _Line.model_validate_json(line)
             total = None if entry.ms is None else sum(entry.ms.values())
             is_elsewhere = entry.skipped is not None or entry.merged is not None
-            events.append(ScanEvent(entry.name, is_elsewhere, total))
+            events.append(ScanEvent(entry.name, is_elsewhere, total, entry.warm_up))
         except ValidationError as error:
             found = f"line {number:,} that is no event"
             raise InputError(

@@ -110,9 +110,13 @@ class Outputs:
         if self._is_durable:
             self._map.flush()
 
-    def append_event(self, event: Event, ms: Mapping[str, float] | None) -> None:
+    def append_event(
+        self, event: Event, ms: Mapping[str, float] | None, *, is_first: bool = False
+    ) -> None:
         """Append a line to events.jsonl, see ``events.append_event``."""
-        append_event(self.folder / "events.jsonl", event, ms, is_durable=self._is_durable)
+        durable = self._is_durable
+        path = self.folder / "events.jsonl"
+        append_event(path, event, ms, is_first=is_first, is_durable=durable)
 
     def write_objects(
         self,

@@ -45,6 +45,7 @@ class ScanReport:
         error: Why it was skipped.
         ms: Milliseconds from reading to the last output.
         num_unmeasured: Its other points: without coordinates, no return, withheld or noise.
+        is_first: Whether it was the first to be labelled since the start, and waited for kernels.
     """
 
     name: str
@@ -53,6 +54,7 @@ class ScanReport:
     error: str | None
     ms: float
     num_unmeasured: int = 0
+    is_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ class SegmentRun:
         self.output = output
         self.segmenter = segmenter
         self.options = options
+        self._is_warm = False
         with ExitStack() as opened:
             opened.enter_context(held_folder(output, recording, overwrite=overwrite))
             state = State(output / "state.sqlite", is_durable=options.durable)
@@ -250,10 +253,12 @@ class SegmentRun:
         write_s = written - before + perf_counter() - committed
         ms = {"read": read_ms, **update.ms}
         ms |= {"commit": 1e3 * (committed - written), "write": 1e3 * write_s}
-        self.outputs.append_event(event, ms)
+        is_first, self._is_warm = not self._is_warm, True
+        self.outputs.append_event(event, ms, is_first=is_first)
         total_ms = 1e3 * (perf_counter() - started)
         num_unmeasured = len(read.cloud) - num_points
-        return ScanReport(name, num_points, replace(update, ms=ms), None, total_ms, num_unmeasured)
+        update = replace(update, ms=ms)
+        return ScanReport(name, num_points, update, None, total_ms, num_unmeasured, is_first)
 
     def _changes(self, update: ScanUpdate) -> MapChanges:
         """Collect what a scan changed of what is in the checkpoint."""

@@ -33,7 +33,7 @@ def test_networks_that_see_rooms_find_it_and_say_so_once(recording, tmp_path, un
 def test_the_methods_of_the_paper_keep_its_range_unless_told(recording, tmp_path, weights_path):
     for path in recording[0].iterdir():
         stretch(path)
-    result = segment(recording, tmp_path / "a", "-w", weights_path, "-q")
+    result = segment(recording, tmp_path / "a", "-w", weights_path)
     assert (result.exit_code, range_of(tmp_path / "a")) == (0, 2.0)
     assert "2 m, the default" in result.stdout
     result = segment(recording, tmp_path / "b", "-w", weights_path, "--range", "auto")

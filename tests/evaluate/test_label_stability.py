@@ -10,7 +10,7 @@ from mcpseg_cli.evaluate.class_scores import confusion_matrix, intersection_over
 from mcpseg_cli.evaluate.label_stability import LabelHistory
 from mcpseg_cli.evaluate.scan_by_scan import measure_latency
 from mcpseg_cli.evaluate.score_curve import CurveRecorder
-from mcpseg_cli.segment.events import read_events
+from mcpseg_cli.segment.events import ScanEvent, read_events
 
 
 def history_of(true, *looks):
@@ -120,6 +120,15 @@ def test_latency_sums_the_stages_and_passes_over_what_was_skipped(tmp_path):
     latency = measure_latency(events)
     assert (latency.p50, latency.p95, latency.max) == pytest.approx((51.5, 96.05, 101.0))
     assert measure_latency(events[-2:]) is None
+
+
+def test_first_scans_of_a_start_are_left_out_of_the_latency_unless_there_are_no_others():
+    events = [ScanEvent("a", False, 9_000.0, True), ScanEvent("b", False, 10.0)]
+    latency = measure_latency([*events, ScanEvent("c", False, 500.0, True)])
+    assert (latency.p50, latency.p95, latency.max, latency.warm_up) == (10.0, 10.0, 10.0, 9_000.0)
+    assert latency.text() == "10.0 median, 10.0 p95, 10.0 max; the first, 9,000, is not counted"
+    alone = measure_latency(events[:1])
+    assert (alone.max, alone.warm_up) == (9_000.0, None)
 
 
 @pytest.mark.parametrize(

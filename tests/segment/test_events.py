@@ -45,6 +45,7 @@ def test_times_stand_behind_the_rest_to_microseconds(labelled):
         text[:-1] + ', "ms": {"read": 1.235, "write": 2}}'
     )
     assert event_text(labelled, {}) == text
+    assert event_text(labelled, {"read": 1.0}, is_first=True).endswith('}, "warm_up": true}')
 
 
 def test_events_come_back_as_they_were_to_the_byte(labelled):
@@ -64,7 +65,7 @@ def test_what_is_no_event_is_refused(text):
 )
 def test_lines_are_kept_as_far_as_they_are_of_these_scans(labelled, left, tmp_path):
     path = tmp_path / "events.jsonl"
-    append_event(path, labelled, {"read": 1.0})
+    append_event(path, labelled, {"read": 1.0}, is_first=True)
     append_event(path, SKIPPED, None)
     whole = path.read_text()
     if left is None:
@@ -72,7 +73,7 @@ def test_lines_are_kept_as_far_as_they_are_of_these_scans(labelled, left, tmp_pa
     else:
         path.write_text(whole + left)
     reconcile_events(path, [labelled, SKIPPED])
-    times_are_lost = whole.replace(', "ms": {"read": 1.0}', "")
+    times_are_lost = whole.replace(', "ms": {"read": 1.0}, "warm_up": true', "")
     assert path.read_text() == (times_are_lost if left is None else whole)
 
 

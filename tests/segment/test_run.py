@@ -176,11 +176,11 @@ def test_dying_around_any_step_loses_nothing(
     original, calls = getattr(owner, name), []
     fatal_call = 1 if name == "write_objects" else 3
 
-    def dying(*args):
+    def dying(*args, **named):
         calls.append(name)
         if len(calls) == fatal_call and moment == "before":
             raise Interrupted
-        result = original(*args)
+        result = original(*args, **named)
         if len(calls) == fatal_call:
             raise Interrupted
         return result

@@ -1,0 +1,173 @@
+"""Meshes of buildings: the named parts of a GLB, OBJ, PLY and what else trimesh reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.obj_groups import regroup_obj
+from mcpseg_cli.scan import GREY
+
+if TYPE_CHECKING:
+    import trimesh
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
+"""Endings of meshes; a PLY is one if it has faces."""
+_NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
+_LARGEST = 2048  # pixels of a texture
+
+
+@dataclass(frozen=True)
+class MeshPart:
+    """Triangles of one object of a file, as they are there.
+
+    Attributes:
+        name: What the object is called; parts of one name are one object.
+        labels: The names that a class table may know it by, the most telling first.
+        triangles: (T, 3, 3) float64 corners, in the file's axes and unit.
+        colour: (T, 3, 3) float32 colour of each corner, 0-255.
+        uv: (T, 3, 2) float32 places of the corners in the picture; None without one.
+        picture: (H, W, 3) uint8 picture on it.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    triangles: NDArray[np.float64]
+    colour: NDArray[np.float32]
+    uv: NDArray[np.float32] | None = None
+    picture: NDArray[np.uint8] | None = None
+
+    def paint(self, row: NDArray[np.int64], weight: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return the colours of points on the triangles.
+
+        Args:
+            row: (N,) int64 the triangle of each point.
+            weight: (N, 3) float64 the shares of its corners, which add up to 1.
+
+        Returns:
+            (N, 3) uint8.
+        """
+        if self.picture is None or self.uv is None:
+            colour = np.einsum("nk,nkc->nc", weight, self.colour[row])
+            plain: NDArray[np.uint8] = np.clip(np.rint(colour), 0, 255).astype(np.uint8)
+            return plain
+
+        # a picture repeats beyond its border, and its first row is its upper one
+        place = np.einsum("nk,nkc->nc", weight, self.uv[row]) % 1.0
+        height, width = self.picture.shape[:2]
+        column = np.minimum((place[:, 0] * width).astype(np.int64), width - 1)
+        line = np.minimum(((1.0 - place[:, 1]) * height).astype(np.int64), height - 1)
+        painted: NDArray[np.uint8] = self.picture[line, column]
+        return painted
+
+
+def is_mesh(path: Path) -> bool:
+    """Tell whether a file is a mesh by its ending; of a PLY, whether its header promises faces."""
+    if path.suffix.lower() != ".ply" or not path.is_file():
+        return path.suffix.lower() in MESH_SUFFIXES
+    with path.open("rb") as file:
+        head = file.read(1 << 16).split(b"end_header")[0].split(b"\n")
+    faces = [line.split()[-1] for line in head if line.startswith(b"element face")]
+    labels = any(line.split()[-1:] == [b"semantic"] for line in head)
+    return bool(faces) and faces[0].strip() != b"0" and not labels
+
+
+def read_mesh(path: Path) -> list[MeshPart]:
+    """Read the parts of a mesh, where its scene puts them.
+
+    Args:
+        path: What trimesh reads. Faces of more than three corners are cut into triangles.
+
+    Returns:
+        The parts, by name.
+
+    Raises:
+        InputError: It cannot be read, or has no triangles.
+        OSError: It cannot be opened.
+    """
+    parts = [part for mesh, name, labels in _meshes_in(path) if (part := _part(mesh, name, labels))]
+    if not parts:
+        raise InputError(path, "no triangles", "a mesh", "export it with its faces")
+    return sorted(parts, key=lambda part: (part.name, part.labels))
+
+
+def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]:
+    """Return the meshes of a file, the objects they are of, and all their names."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise InputError(path, "a mesh", "trimesh", _NEEDS) from error
+
+    path.open("rb").close()  # what cannot be opened says so itself
+    is_obj = path.suffix.lower() == ".obj"
+    try:
+        if is_obj:
+            text, resolver, objects = regroup_obj(path)
+            scene = trimesh.load_scene(text, file_type="obj", resolver=resolver, process=False)
+        else:
+            objects = {}
+            scene = trimesh.load_scene(path, process=False)
+    except (ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:
+        remedy = "export it again, or as GLB"
+        raise InputError(path, f"no mesh: {error}", "GLB, OBJ, PLY or STL", remedy) from error
+
+    found = []
+    for node in scene.graph.nodes_geometry:
+        place, geometry = scene.graph[node]
+        mesh = scene.geometry[geometry]
+        if not isinstance(mesh, trimesh.Trimesh):
+            continue
+        mesh = mesh.copy()
+        mesh.apply_transform(place)
+        own = objects.get(str(geometry))
+        names = own or _names(scene, str(node), str(geometry), mesh, path)
+        found.append((mesh, names[0], names))
+    return found
+
+
+def _names(
+    scene: trimesh.Scene, node: str, geometry: str, mesh: trimesh.Trimesh, path: Path
+) -> tuple[str, ...]:
+    """Return the names of a mesh: of its node, of the mesh, of its material."""
+    # a glTF node of several materials is one object of several meshes below it
+    if mesh.metadata.get("from_gltf_primitive"):
+        node = scene.graph.transforms.parents.get(node, node)
+    material = getattr(getattr(mesh.visual, "material", None), "name", None)
+    if len(scene.graph.nodes_geometry) == 1 and path.suffix.lower() not in (".glb", ".gltf"):
+        return (path.stem, *([str(material)] if material else []))
+    return tuple(dict.fromkeys(str(name) for name in (node, geometry, material) if name))
+
+
+def _part(mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
+    """Return a mesh as a part; None without triangles."""
+    from trimesh.visual import ColorVisuals
+
+    triangles = np.asarray(mesh.triangles, np.float64)
+    if not len(triangles):
+        return None
+
+    # corners in their own colours, or in that of a material
+    faces, visual = np.asarray(mesh.faces), mesh.visual
+    material = getattr(visual, "material", None)
+    colour = np.full((len(faces), 3, 3), GREY, np.float32)
+    if isinstance(visual, ColorVisuals) and visual.kind == "vertex":
+        colour = np.asarray(visual.vertex_colors, np.float32)[faces, :3]
+    elif isinstance(visual, ColorVisuals) and visual.kind == "face":
+        colour[:] = np.asarray(visual.face_colors, np.float32)[:, None, :3]
+    elif material is not None:
+        colour[:] = np.asarray(material.main_color, np.float32)[:3]
+
+    # a picture, no larger than points can show
+    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    uv = getattr(visual, "uv", None)
+    if image is None or uv is None or len(uv) != len(mesh.vertices):
+        return MeshPart(name, labels, triangles, colour)
+    image = image.convert("RGBA").convert("RGB")
+    image.thumbnail((_LARGEST, _LARGEST))
+    places = np.nan_to_num(np.asarray(uv, np.float32))[faces]
+    return MeshPart(name, labels, triangles, colour, places, np.asarray(image, np.uint8))
