@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 TIMELINE = "scan"
 _APPLICATION = "mcpseg"
+_CUT = ("writer", "flush", "RRD")  # in Rerun's words, of a file that could not be written
 _POINT_RADIUS = 0.6  # of a voxel: surfaces look closed
 
 
@@ -248,19 +249,19 @@ def recording_file(stream: RecordingStream, path: Path, name: Path) -> Iterator[
     stream.save(path)
     try:
         yield
-    except BaseException:
-        stream.disconnect()
-        raise
-    try:
         stream.flush()
         stream.disconnect()
         with warnings.catch_warnings(action="error"):  # without its last part it is readable
             RrdReader(path)
     except (RuntimeError, RerunWarning) as error:
+        if isinstance(error, RuntimeError) and not any(word in str(error) for word in _CUT):
+            raise
         raise OutputError(
             f"{name}: could not be written to its end; expected room on the disk; "
             "make space and run the same command again"
         ) from error
+    finally:
+        stream.disconnect()
 
 
 def _gather(
