@@ -10,8 +10,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 from rich.text import Text
 
-from mcpseg_cli.resumable import printable
-
 _LONGEST = 1000  # letters of a line: what is longer is shortened in its middle
 _LAST = 300  # of these, how many are of its end, where the remedy is
 _WIDE = 120  # columns of a terminal that has room for everything
@@ -25,6 +23,8 @@ def plain(text: str, longest: int = _LONGEST) -> str:
     Control characters, line breaks and what turns the direction of text appear as ``\x1b``.
     """
     if not text.isprintable():
+        from mcpseg_cli.resumable import printable
+
         text = "".join(
             letter if letter.isprintable() else letter.encode("unicode_escape").decode()
             for letter in printable(text)

@@ -5,6 +5,8 @@ Points, path, scanner, and boxes around objects; a layout that opens on the map 
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,7 +25,7 @@ from mcpseg_cli.export.floors import are_below_ceiling
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, list_objects
-from mcpseg_cli.resumable import whole_file
+from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 if TYPE_CHECKING:
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 TIMELINE = "scan"
 _APPLICATION = "mcpseg"
 _CUT = ("writer", "flush", "RRD")  # in Rerun's words, of a file that could not be written
+_WRITTEN_S = 60.0  # for what is left of a recording to be on the disk
 _POINT_RADIUS = 0.6  # of a voxel: surfaces look closed
 
 
@@ -212,17 +215,22 @@ def write_recording(
     """
     stream = open_stream()
     points, scan = _gather(run, selection, colour_by)
-    with whole_file(path) as partial, recording_file(stream, partial, path):
-        # the points are in the order of their scans
-        log = RerunLog(stream, run.classes, run.voxel_size)
-        bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
-        stays = are_below_ceiling(run, points.xyz, scan)
-        objects = _objects_by_scan(run, points, scan)
-        for number, record in enumerate(run.scans):
-            own = np.arange(bounds[number], bounds[number + 1])
-            low, high = (points.select(own[stays[own] == is_low]) for is_low in (True, False))
-            log.add_scan(number, record.pose, low, high)
-            log.add_objects(number, *objects[number])
+    made = stream.memory_recording()
+
+    # the points are in the order of their scans
+    log = RerunLog(stream, run.classes, run.voxel_size)
+    bounds = np.searchsorted(scan, np.arange(len(run.scans) + 1))
+    stays = are_below_ceiling(run, points.xyz, scan)
+    objects = _objects_by_scan(run, points, scan)
+    for number, record in enumerate(run.scans):
+        own = np.arange(bounds[number], bounds[number + 1])
+        low, high = (points.select(own[stays[own] == is_low]) for is_low in (True, False))
+        log.add_scan(number, record.pose, low, high)
+        log.add_objects(number, *objects[number])
+
+    # Rerun itself goes on over a full disk, and may wait for ever for its end
+    stream.flush()
+    write_whole(path, made.drain_as_bytes())
     return len(scan)
 
 
@@ -262,6 +270,13 @@ def recording_file(stream: RecordingStream, path: Path, name: Path) -> Iterator[
         ) from error
     finally:
         stream.disconnect()
+
+
+def _leave() -> None:
+    """End the process though Rerun waits for what it could not write."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(1)
 
 
 def _gather(

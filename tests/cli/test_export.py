@@ -124,7 +124,7 @@ def test_files_are_replaced_only_when_asked_to(labelled_run, tmp_path):
         (["-o", "TMP/folder.ply"], "a folder; expected a file"),
         (["-o", "TMP/map.ply", "--class", "cupboard"], "no class cupboard; expected ceiling"),
         (["-o", "TMP/map.ply", "--instance", "123456789"], "nothing in the map that was asked for"),
-        (["-o", "TMP/new", "--scans", "TMP/nowhere"], "no such scan"),
+        (["-o", "TMP/new", "--scans", "TMP/nowhere"], "nowhere: no such folder"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(labelled_run, tmp_path, options, found):

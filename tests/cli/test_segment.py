@@ -189,7 +189,7 @@ def test_eval_without_labels_is_one_line(tmp_path):
 
 
 def test_eval_prints_a_table():
-    result = invoke("eval", WALK / "gt/000000.ply", WALK / "gt")
+    result = invoke("eval", WALK / "gt/000000.ply", WALK / "gt", "--full", "--allow-partial")
     assert re.search(r"^point_accuracy +1\.000 +1\.000$", result.stdout, re.MULTILINE)
 
 

@@ -21,7 +21,7 @@ def rows_of(cloud):
 
 @pytest.mark.parametrize("ending", ["ply", "laz"])
 def test_every_voxel_is_in_the_tile_of_its_place(labelled_run, tmp_path, ending):
-    words = ("export", labelled_run.out, "-q", "-o", tmp_path / "t", "--split", ending)
+    words = ("export", labelled_run.out, "-o", tmp_path / "t", "--split", ending)
     result = invoke(*words, "--tiles", 1)
     assert result.exit_code == 0, result.output
     index = json.loads((tmp_path / "t" / tiles.INDEX).read_text())

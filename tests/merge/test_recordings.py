@@ -161,8 +161,8 @@ def test_a_table_gives_names_paths_and_settings(tmp_path):
 def test_an_engine_needs_its_scheduler_and_a_table_no_scans(table, tmp_path):
     words = ("segment", "--recordings", table, "-o", tmp_path / "b")
     assert "go together" in invoke(*words, "--engine", "dask").output
-    assert "leave out SCANS" in invoke(*words, table.parent).output
-    assert "Missing argument POSES" in invoke("segment", table.parent, "-o", tmp_path / "b").output
+    assert "leave out RECORDING" in invoke(*words, table.parent).output
+    assert "Missing argument RECORDING" in invoke("segment", "-o", tmp_path / "b").output
 
 
 def test_without_a_scheduler_the_error_says_how_to_start_one(table, tmp_path):

@@ -71,7 +71,7 @@ def go_on(looked: Looked, out: Path, **options) -> SegmentRun:
 
 
 def without_times(folder: Path) -> list[dict]:
-    return [{**event, "ms": None} for event in events_of(folder)]
+    return [{**event, "ms": None, "warm_up": None} for event in events_of(folder)]
 
 
 def test_a_run_resumed_before_every_scan_is_one_never_interrupted(looked, tmp_path):
