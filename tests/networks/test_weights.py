@@ -11,7 +11,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from mcpseg_cli.classes import MCPNET_CLASSES, S3DIS_CLASSES
+from mcpseg_cli.classes import HOME_CLASSES, MCPNET_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import WeightsError
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint, read_tensor_bundle
 from mcpseg_cli.networks.weights import (
@@ -158,7 +158,8 @@ def test_bundled_weights_are_found_by_name_and_unknown_names_list_them():
 @pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
 def test_bundled_weights_load_and_the_table_of_weights_tells_their_hash(path):
     weights = load_weights(path)
-    assert weights.info.classes == S3DIS_CLASSES
+    named = HOME_CLASSES if path.stem == "unet-home" else S3DIS_CLASSES
+    assert weights.info.classes == named
     row = next(
         line for line in (MODELS / "README.md").read_text().splitlines() if f"`{path.name}`" in line
     )
