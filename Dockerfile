@@ -9,6 +9,6 @@ RUN apt-get update \
 
 WORKDIR /mcpseg
 COPY . .
-RUN pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu '.[html,plot]'
+RUN pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu '.[plot]'
 
 CMD ["sh", "-c", "mcpseg segment examples/office_walk/scans examples/office_walk/poses.csv -o out/demo && mcpseg eval out/demo examples/office_walk/gt && mcpseg export out/demo -o out/demo.html -o out/demo.png"]
