@@ -70,16 +70,23 @@ def read_las(path: Path) -> Cloud:
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
         raise _cut_short(path, header.point_count, len(table))
+    try:
+        columns = _columns(header, table)
+    except _DAMAGE as error:
+        raise _undecodable(path, str(error).strip() or type(error).__name__) from error
+    excluded = _excluded(columns)
+    return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
 
-    # their dimensions; coordinates of damaged scales are refused later
+
+def _columns(header: laspy.LasHeader, table: NDArray[np.void]) -> dict[str, NDArray[np.generic]]:
+    """Take all dimensions; coordinates of damaged scales are refused later."""
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
     with np.errstate(over="ignore", invalid="ignore"):
         columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
         for name in header.point_format.dimension_names:
             if name not in _COORDINATES:
                 columns[name] = np.asarray(points[name])
-    excluded = _excluded(columns)
-    return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
+    return columns
 
 
 def _excluded(columns: dict[str, NDArray[np.generic]]) -> NDArray[np.bool_] | None:
@@ -194,7 +201,8 @@ def _header_for(cloud: Cloud) -> laspy.LasHeader:
         header = copy.deepcopy(cloud.las_header)
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
-    if cloud.las_header is None or not (np.asarray(header.scales) > 0).all():
+    header.scales = np.abs(header.scales)
+    if cloud.las_header is None or not header.scales.all():
         _choose_scales(header, cloud)
 
     # the class table replaces an earlier one
