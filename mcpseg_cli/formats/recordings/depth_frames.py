@@ -28,8 +28,8 @@ _INVALID = 65535  # as some sensors write what they did not see
 _PICTURES = ("PNG", "JPEG")
 _BYTES_A_PIXEL = 8  # of depth, in float64
 _DAMAGE = (  # what Pillow raises for damaged files
-    OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, StructError, ArithmeticError,
-    zlib.error,
+    OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, StructError,
+    ArithmeticError, zlib.error,
 )  # fmt: skip
 _CENTRAL = (0.25, 0.75)  # shares of an image between which its principal point lies
 
