@@ -63,7 +63,7 @@ def test_a_laz_with_another_chunk_size_is_refused(
     data = write_laz(path, point_format)
     struct.pack_into("<I", data, laz_record(data) + 12, chunk_size)
     path.write_bytes(data)
-    with pytest.raises(InputError, match="point|whole buffer"):
+    with pytest.raises(InputError, match=r"point|whole buffer"):
         read_cloud(path)
     assert capfd.readouterr().err == ""  # where lazrs says that it panics
 

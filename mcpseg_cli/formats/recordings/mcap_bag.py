@@ -187,7 +187,11 @@ class McapBag:
             usual = get_typestore(_STORES[encoding]).fielddefs
             types = {**get_types_from_msg(_TF, "tf2_msgs/msg/TFMessage"), **usual, **types}
         store = get_typestore(Stores.EMPTY)
-        store.register(types)
+        try:
+            store.register(types)
+        except TypesysError as error:
+            found = f"message types that do not go together ({str(error)[:60]})"
+            raise InputError(self._paths[0], found, "ROS messages", "record it again") from error
         return store
 
 
