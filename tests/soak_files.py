@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import trimesh
 from PIL import Image
 
 from mcpseg_cli.building import Building
@@ -17,10 +18,12 @@ from mcpseg_cli.evaluate.truth import open_truth
 from mcpseg_cli.formats import CLOUD_SUFFIXES, Cloud, read_cloud, write_cloud
 from mcpseg_cli.formats.class_table import read_class_table
 from mcpseg_cli.formats.hdf5 import read_building_h5, read_tags, write_building_h5
+from mcpseg_cli.formats.meshes import read_mesh
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.formats.recordings.depth_frames import read_colour, read_depth
 from mcpseg_cli.formats.recordings.stations import open_stations
+from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.raytrace.record import (
     FinishedRecord,
     ObjectRecord,
@@ -30,7 +33,7 @@ from mcpseg_cli.raytrace.record import (
 )
 from mcpseg_cli.train.settings_file import read_settings
 from tests import containers
-from tests.recordings import write_recording
+from tests.recordings import write_recording, write_weights
 
 NUM_POINTS = 40  # of a cloud to damage: a header is a good part of its file
 
@@ -63,7 +66,13 @@ def sound_files(folder: Path) -> list[Sound]:
     (folder / "sweep.bin").write_bytes(numbers.tobytes())
     np.savetxt(folder / "cloud.xyz", numbers[:, :3])
     clouds += [_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
-    return [*clouds, *_poses(folder, poses), *_recordings(folder), *_others(folder, few)]
+    return [
+        *clouds,
+        *_poses(folder, poses),
+        *_recordings(folder),
+        *_others(folder, few),
+        *_meshes(folder),
+    ]
 
 
 def _few(cloud: Cloud) -> Cloud:
@@ -143,9 +152,20 @@ def _others(folder: Path, few: Cloud) -> list[Sound]:
     readers: dict[str, Callable[[Path], object]] = {
         "area.h5": _read_area, "authors.h5": read_building_h5, "depth.png": read_depth,
         "colour.jpg": read_colour, "depth.npy": read_depth, "classes.csv": read_class_table,
-        "classes.json": read_class_table, "settings.toml": read_settings, "raytrace.json": _read_record,
+        "classes.json": read_class_table, "settings.toml": read_settings,
+        "raytrace.json": _read_record,
     }  # fmt: skip
     return [_of(folder / name, read) for name, read in readers.items()]
+
+
+def _meshes(folder: Path) -> list[Sound]:
+    """Write a box in the formats of meshes, and weights."""
+    box = trimesh.creation.box()
+    paths = [folder / f"box{suffix}" for suffix in (".glb", ".obj", ".stl", ".off", ".ply")]
+    for path in paths:
+        box.export(path)
+    weights = write_weights(folder / "mcpnet.safetensors", "mcpnet")
+    return [*(_of(path, read_mesh) for path in paths), _of(weights, load_weights)]
 
 
 def _record() -> FinishedRecord:

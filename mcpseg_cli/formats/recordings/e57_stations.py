@@ -199,7 +199,10 @@ def _as_cloud(
     if set(_COLOUR) <= set(known):
         low, high = limits or (0.0, 255.0)
         for name, source in zip(("red", "green", "blue"), _COLOUR, strict=True):
-            share = (known[source].astype(np.float64) - low) / (high - low)
+            with np.errstate(over="ignore", invalid="ignore"):
+                share = (known[source].astype(np.float64) - low) / (high - low)
+            if np.isnan(share).any():
+                raise InputError(path, f"{source} that is no number", "colours", "export it again")
             cloud[name] = np.clip(np.rint(255 * share), 0, 255).astype(np.uint8)
     if "intensity" in known:
         cloud["intensity"] = known["intensity"]
