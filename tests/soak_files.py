@@ -66,13 +66,8 @@ def sound_files(folder: Path) -> list[Sound]:
     (folder / "sweep.bin").write_bytes(numbers.tobytes())
     np.savetxt(folder / "cloud.xyz", numbers[:, :3])
     clouds += [_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
-    return [
-        *clouds,
-        *_poses(folder, poses),
-        *_recordings(folder),
-        *_others(folder, few),
-        *_meshes(folder),
-    ]
+    clouds += [*_poses(folder, poses), *_recordings(folder), *_meshes(folder)]
+    return [*clouds, *_others(folder, few)]
 
 
 def _few(cloud: Cloud) -> Cloud:

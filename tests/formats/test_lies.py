@@ -13,6 +13,7 @@ import laspy
 import lz4.frame
 import numpy as np
 import pytest
+import trimesh
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -23,11 +24,13 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.formats.claims import SPARE, check_claim
 from mcpseg_cli.formats.hdf5 import read_building_h5
+from mcpseg_cli.formats.meshes import read_mesh
 from mcpseg_cli.formats.npy import parse_npy, read_npy
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.formats.recordings import bag_chunks, e57_stations, ros_messages
 from mcpseg_cli.formats.recordings.depth_frames import read_depth
 from mcpseg_cli.formats.recordings.phone import open_record3d
+from mcpseg_cli.formats.rigid import from_quaternion
 
 XYZ = np.arange(120.0).reshape(40, 3)
 HUGE = 10**12
@@ -319,3 +322,26 @@ def test_a_small_file_may_unpack_to_the_spare_room_and_no_more(tmp_path: Path) -
     check_claim(tmp_path / "a", "it", SPARE)
     with pytest.raises(InputError, match=r"it promises 67,\d+,\d+ bytes in 1; expected at most"):
         check_claim(tmp_path / "a", "it", SPARE + 65)
+
+
+@pytest.mark.parametrize("corner", [8, -1, 1 << 30])
+def test_a_mesh_whose_faces_have_corners_that_are_not_there_is_refused(corner, tmp_path) -> None:
+    box = trimesh.creation.box()
+    text = trimesh.exchange.ply.export_ply(box, encoding="ascii").decode()
+    lines = text.splitlines()
+    lines[-1] = " ".join([*lines[-1].split()[:3], str(corner)])
+    (tmp_path / "a.ply").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"a\.ply: faces of corners "):
+        read_mesh(tmp_path / "a.ply")
+
+
+def test_colours_of_an_e57_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
+    known = {"cartesianX": np.arange(4.0), "cartesianY": np.ones(4), "cartesianZ": np.ones(4)}
+    colours = dict.fromkeys(("colorRed", "colorGreen", "colorBlue"), np.full(4, np.nan))
+    with pytest.raises(InputError, match="colorRed that is no number"):
+        e57_stations._as_cloud(tmp_path / "a.e57", known | colours, None)
+
+
+def test_a_quaternion_beyond_all_bounds_is_refused_without_a_warning() -> None:
+    with pytest.raises(InputError, match="a quaternion of length inf"):
+        from_quaternion(Path("a.bag"), [0, 0, 0], [1e300] * 4, "a pose")
