@@ -12,22 +12,20 @@ reader.
 import argparse
 import json
 import random
+import re
+import resource
 import subprocess
 import sys
 import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcpseg_cli.choices import Architecture, Labelling
 from mcpseg_cli.errors import McpsegError
-from mcpseg_cli.formats import CLOUD_SUFFIXES, read_cloud, write_cloud
-from mcpseg_cli.formats.cloud import Cloud
-from mcpseg_cli.formats.poses import read_poses
-from tests import soak_parts
+from tests import soak_files, soak_parts
 from tests.commands import command, kill_at_random, num_events, outputs_of, run_to_its_end
 from tests.recordings import write_recording, write_weights
 
@@ -37,9 +35,11 @@ METHODS: dict[str, tuple[Architecture, Labelling]] = {
     "fused": ("mcpnet", "fused"),
 }
 NUM_SCANS = 30
-NUM_POINTS = 40  # of a cloud to damage: a header is a good part of its file
 FILES_A_ROUND = 250
 MOST_S = 10.0  # to read a small file, or to refuse it
+MOST_MB = 2000.0  # of memory that one takes
+LIES = (0, 1, 0x7FFF, 0xFFFF, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1, (1 << 64) - 1)
+WORDS = (b"-1", b"0", b"1e999", b"nan", b"9" * 20, b"9" * 400, b"9" * 5000, b"[[[[", b"\xff\xfe")
 
 
 @dataclass
@@ -54,6 +54,7 @@ class Report:
     others: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
     slowest: str = ""
+    most_mb: float = 0.0
     failures: list[str] = field(default_factory=list)
 
 
@@ -148,58 +149,66 @@ def start(words: list[object]) -> subprocess.Popen[str]:
 
 
 class Damages:
-    """Sound files of every format, and what their readers say when they are damaged."""
+    """Sound files for every reader, and what the readers say when they are damaged."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder / "damages"
-        scans, poses = write_recording(self._folder / "input", num_scans=9)
-        scan = read_cloud(scans / "000000.ply")
-        few = Cloud({name: column[:NUM_POINTS] for name, column in scan.columns.items()})
-        for suffix in CLOUD_SUFFIXES:
-            write_cloud(self._folder / f"sound{suffix}", few)
-
-        # poses as CSV and, without scan names, as TUM
-        (self._folder / "sound.csv").write_bytes(poses.read_bytes())
-        rows = [line.partition(",")[2] for line in poses.read_text().splitlines()[1:]]
-        (self._folder / "sound.tum").write_text("\n".join(rows).replace(",", " ") + "\n")
-        self._sound = {path.suffix: path.read_bytes() for path in self._folder.glob("sound.*")}
+        self._sound = soak_files.sound_files(folder / "sound")
+        self._folder = folder / "damaged"
+        self._folder.mkdir()
 
     def play(self, seed: int, report: Report) -> None:
         """Damage files and read them; only errors of one line may come out."""
         rng = random.Random(seed)
         for number in range(FILES_A_ROUND):
-            suffix = rng.choice(sorted(self._sound))
-            path = self._folder / f"damaged{suffix}"
-            path.write_bytes(damage(self._sound[suffix], rng))
+            sound = rng.choice(self._sound)
+            path = self._folder / sound.name
+            path.write_bytes(damage(sound.data, rng))
 
-            began = time.monotonic()
-            self._read(path, f"seed {seed}: damaged file {number}, {suffix}", report)
-            seconds = time.monotonic() - began
-            if seconds > MOST_S:
-                report.failures.append(f"seed {seed}: file {number}, {suffix}: {seconds:.0f} s")
+            began, memory = time.monotonic(), peak_memory_mb()
+            self._read(path, sound, f"seed {seed}: damaged file {number}, {sound.name}", report)
+            seconds, memory = time.monotonic() - began, peak_memory_mb() - memory
+            path.unlink()
+            place = f"seed {seed}, file {number}, {sound.name}"
+            if seconds > MOST_S or memory > MOST_MB:
+                report.failures.append(f"{place}: {seconds:.0f} s, {memory:,.0f} MB more")
             if seconds > report.slowest_s:
-                report.slowest_s, report.slowest = seconds, f"seed {seed}, file {number}, {suffix}"
+                report.slowest_s, report.slowest = seconds, place
+            report.most_mb = max(report.most_mb, memory)
 
-    def _read(self, path: Path, name: str, report: Report) -> None:
-        read: Callable[[Path], object] = read_cloud if path.suffix in CLOUD_SUFFIXES else read_poses
+    def _read(self, path: Path, sound: soak_files.Sound, name: str, report: Report) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a warning would be a second line on stderr
             try:
-                read(path)
-                report.read[path.suffix] += 1
+                sound.read(path)
+                report.read[sound.name] += 1
             except (McpsegError, OSError):
-                report.refused[path.suffix] += 1
-            except Exception as error:
+                report.refused[sound.name] += 1
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # panics of Rust are no Exception
                 report.failures.append(f"{name}: {type(error).__name__}: {error}")
 
 
+def peak_memory_mb() -> float:
+    """Most memory that this process ever had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
 def damage(data: bytes, rng: random.Random) -> bytes:
-    """Flip bits, cut out, insert and cut off, mostly in the first part, where headers are."""
+    """Flip bits, lie, cut out, insert and cut off, mostly in the first part: there are headers."""
     for _ in range(rng.choice([1, 1, 2, 3, 8])):
         at = rng.randrange(max(1, int(len(data) * rng.choice([0.2, 1.0]))))
-        kind = rng.choice(["flip", "flip", "cut out", "insert", "cut off"])
+        kind = rng.choice(["flip", "flip", "number", "word", "cut out", "insert", "cut off"])
         if kind == "flip" and data:
             data = data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+        elif kind == "number":  # a number that is a lie
+            lie = rng.choice(LIES).to_bytes(8, "little")[: rng.choice([2, 4, 8])]
+            data = data[:at] + lie + data[at + len(lie) :]
+        elif kind == "word":
+            numbers = list(re.finditer(rb"[-+]?\d[\d.]*", data[at : at + 200]))
+            if numbers:
+                word = rng.choice(numbers)
+                data = data[: at + word.start()] + rng.choice(WORDS) + data[at + word.end() :]
         elif kind == "cut out":
             data = data[:at] + data[at + rng.randrange(1, 9) :]
         elif kind == "insert":

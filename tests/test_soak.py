@@ -4,9 +4,7 @@ import json
 
 import pytest
 
-from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import CLOUD_SUFFIXES
-from tests import soak, soak_parts
+from tests import soak, soak_files, soak_parts
 
 
 @pytest.fixture
@@ -23,20 +21,21 @@ def test_a_campaign_of_two_seconds_kills_damages_and_finds_nothing(tmp_path, cap
     assert report["rounds"] >= 1
     assert sum(report["kills"].values()) >= 1
     assert report["others"]["bit flips"] >= soak_parts.FLIPS_A_ROUND
-    assert set(report["refused"]) == {*CLOUD_SUFFIXES, ".csv", ".tum"}
+    assert {"cloud.laz", "poses.json", "walk.mcap", "area.h5"} <= set(report["refused"])
     assert capsys.readouterr().out.splitlines()[-1] == "nothing found"
 
 
 def test_an_exception_of_another_kind_is_found_and_its_seed_told(no_kills, monkeypatch, capsys):
     def read_badly(path):
-        raise IndexError("out of range") if path.suffix == ".tum" else InputError(path, *"abc")
+        raise IndexError("out of range")
 
-    monkeypatch.setattr(soak, "read_poses", read_badly)
+    files = [soak_files.Sound("a.tum", b"1 2", read_badly)]
+    monkeypatch.setattr(soak_files, "sound_files", lambda folder: folder.mkdir() or files)
     assert soak.main(["--seconds", "0", "--seed", "41"]) == 1
     found = capsys.readouterr().out.splitlines()[1:]
     assert found
     assert all(line.startswith("seed 41: damaged file ") for line in found)
-    assert all(line.endswith(", .tum: IndexError: out of range") for line in found)
+    assert all(line.endswith(", a.tum: IndexError: out of range") for line in found)
 
 
 def test_outputs_that_differ_are_found(monkeypatch, capsys):

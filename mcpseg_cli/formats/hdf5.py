@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from math import prod
 from pathlib import Path
 
 import h5py
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.building import Building
 from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.labels import check_classes
 from mcpseg_cli.formats.steady import SteadyFile, steady_file
 
@@ -23,6 +25,10 @@ _COLUMNS: dict[str, tuple[str, tuple[int, ...]]] = {
 _NAMES = ("classes", "rooms", "object_names")
 _ROWS = 1 << 20  # rows of the authors' table converted at once
 _REMEDY = "write or copy it again"
+_DAMAGE = (  # what h5py and json raise for damaged files
+    OSError, RuntimeError, LookupError, ValueError, TypeError, MemoryError, AttributeError,
+    ArithmeticError,
+)  # fmt: skip
 
 
 def write_building_h5(path: Path, building: Building, tags: dict[str, str] | None = None) -> None:
@@ -67,7 +73,7 @@ def read_building_h5(path: Path) -> Building:
     try:
         with h5py.File(path, "r") as file:
             return _authors_building(path, file) if "points" in file else _own_building(path, file)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+    except _DAMAGE as error:
         raise _damaged(path, error) from error
 
 
@@ -86,7 +92,7 @@ def read_tags(path: Path) -> dict[str, str]:
             if int(file.attrs["tags_crc32"]) != zlib.crc32(text):
                 raise ValueError("tags that differ from their checksum")
             tags = json.loads(text)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+    except _DAMAGE as error:
         raise _damaged(path, error) from error
     if not isinstance(tags, dict) or not all(isinstance(text, str) for text in tags.values()):
         raise InputError(path, "tags that are no texts", "text by name", _REMEDY)
@@ -254,6 +260,11 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.Dataset:
         raise InputError(path, found, f"{name!r}", _REMEDY)
     if dataset.size and not dataset.id.get_storage_size():
         raise InputError(path, f"{name!r} without data", f"{dataset.shape} values", _REMEDY)
+
+    # HDF5 unpacks chunk by chunk, and what was never written is nothing in the file
+    packed = dataset.id.get_storage_size()
+    for what, shape in (("", dataset.shape), ("a chunk of ", dataset.chunks or ())):
+        check_claim(path, f"{what}{name}", prod(shape) * dataset.dtype.itemsize, packed=packed)
     return dataset
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
+from mcpseg_cli.formats.laz_chunks import check_chunks
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.parts import CloudParts
 
@@ -27,12 +28,20 @@ _RECORD, _EXTENDED_RECORD = 54, 60  # bytes of a record's header (tables 8 and 9
 _COMPRESSED = 0x80  # bit of the point format
 _STEP, _WIDE_STEP = 1e-4, 1e-2  # of coordinates, which LAS has as integers of 32 bits
 _FAR = 1e5  # from here on they need an offset, and clouds this wide the wider step
+_MOST_STEPS = 2e9  # of an offset, in 31 bits
+_TOO_FAR = (
+    "LAS has no place for coordinates this far apart; expected them within the map; "
+    "choose --format ply, pcd or npz"
+)
 _NOISE = (7, 18)  # classifications of points that are none (LAS 1.4, table 17)
 _FIRST_WRITTEN = 2  # minor version: laspy reads older files and writes none
 _DAMAGE = (  # what laspy and lazrs raise for damaged files
     laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError,
     ArithmeticError, MemoryError, struct.error,
 )  # fmt: skip
+_PANIC = "PanicException"  # of lazrs: no Exception, and of no module that can be imported
+_MOST_EXTRA = 65535 // 192  # extra bytes, which one record describes (LAS 1.4, table 24)
+_MOST_RECORD = 65535  # bytes of a point, and of a record of a header
 _CLASSES_RECORD = ("mcpseg", 1)
 
 
@@ -54,21 +63,30 @@ def read_las(path: Path) -> Cloud:
         with laspy.open(path) as reader:
             header = reader.header
             records = [record.array.copy() for record in reader.chunk_iterator(_CHUNK)]
-    except _DAMAGE as error:
+    except BaseException as error:
+        if not isinstance(error, _DAMAGE) and type(error).__name__ != _PANIC:
+            raise
         raise _undecodable(path, str(error).strip() or type(error).__name__) from error
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
         raise _cut_short(path, header.point_count, len(table))
+    try:
+        columns = _columns(header, table)
+    except _DAMAGE as error:
+        raise _undecodable(path, str(error).strip() or type(error).__name__) from error
+    excluded = _excluded(columns)
+    return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
 
-    # their dimensions; coordinates of damaged scales are refused later
+
+def _columns(header: laspy.LasHeader, table: NDArray[np.void]) -> dict[str, NDArray[np.generic]]:
+    """Take all dimensions; coordinates of damaged scales are refused later."""
     points = laspy.ScaleAwarePointRecord(table, header.point_format, header.scales, header.offsets)
     with np.errstate(over="ignore", invalid="ignore"):
         columns: dict[str, NDArray[np.generic]] = {name: np.asarray(points[name]) for name in "xyz"}
         for name in header.point_format.dimension_names:
             if name not in _COORDINATES:
                 columns[name] = np.asarray(points[name])
-    excluded = _excluded(columns)
-    return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
+    return columns
 
 
 def _excluded(columns: dict[str, NDArray[np.generic]]) -> NDArray[np.bool_] | None:
@@ -84,6 +102,9 @@ def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
     for name in ("vlrs", "evlrs"):
         if records := getattr(header, name):
             kept = [record for record in records if record.user_id.lower() != "copc"]
+            for record in kept:  # laspy takes more letters here than it writes
+                if not record.user_id.isascii():
+                    record._user_id = record.user_id.encode("ascii", "replace").decode()
             setattr(header, name, VLRList(kept))
     if header.version.minor < _FIRST_WRITTEN:
         header.version = Version(1, 4)
@@ -118,33 +139,12 @@ def _check_counts(path: Path) -> None:
         raise _undecodable(path, f"{promised} promised in {size:,} bytes")
     found = (size - start) // point_size
     if point_format & _COMPRESSED:
-        _check_chunk_table(path, start, point_size)
+        try:
+            check_chunks(path, start, point_size, num_points)
+        except (LazrsError, ValueError, struct.error) as error:
+            raise _undecodable(path, str(error)) from error
     elif num_points > found:
         raise _cut_short(path, num_points, found)
-
-
-def _check_chunk_table(path: Path, start: int, point_size: int) -> None:
-    """Refuse a LAZ that promises more chunks than it has bytes.
-
-    lazrs would end the process for want of memory.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        # where the table is; the file may have been written to a stream: then the end says it
-        file.seek(start)
-        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
-        if table == -1 and size >= start + 16:
-            file.seek(size - 8)
-            (table,) = struct.unpack("<q", file.read(8))
-        if not start < table <= size - 8:
-            cause = f"a chunk table at byte {table:,} of {size:,}, the file may be cut short"
-            raise _undecodable(path, cause)
-
-        # how many chunks it has, each of which starts with a whole point
-        file.seek(table + 4)
-        (num_chunks,) = struct.unpack("<I", file.read(4))
-    if num_chunks * point_size > size:
-        raise _undecodable(path, f"{num_chunks:,} chunks promised in {size:,} bytes")
 
 
 def _cut_short(path: Path, promised: int, found: int) -> InputError:
@@ -176,11 +176,21 @@ def write_las(file: BinaryIO, parts: CloudParts, *, compress: bool) -> None:
     blank = _header_for(first)
     header = copy.deepcopy(blank)
     _make_room(header, first)
-    with laspy.open(file, mode="w", header=header, do_compress=compress, closefd=False) as writer:
+
+    # header texts that are no ASCII ("Zoller+Fröhlich") stay as they are
+    writer = laspy.open(
+        file, mode="w", header=header, do_compress=compress, closefd=False,
+        encoding_errors="replace",
+    )  # fmt: skip
+    with writer, np.errstate(over="ignore", invalid="ignore"):
         for cloud in parts:
             columns = _make_room(copy.deepcopy(blank), cloud)
             for start in range(0, len(cloud), _CHUNK):
-                writer.write_points(_record(header, cloud, columns, slice(start, start + _CHUNK)))
+                rows = slice(start, start + _CHUNK)
+                try:
+                    writer.write_points(_record(header, cloud, columns, rows))
+                except OverflowError as error:
+                    raise OutputError(_TOO_FAR) from error
         if header.evlrs:
             writer.write_evlrs(header.evlrs)
 
@@ -191,19 +201,41 @@ def _header_for(cloud: Cloud) -> laspy.LasHeader:
         header = copy.deepcopy(cloud.las_header)
     else:
         header = laspy.LasHeader(point_format=7 if cloud.rgb is not None else 6, version="1.4")
-        axes = [cloud.columns[axis].astype(np.float64) for axis in "xyz"]
-        low = np.array([axis.min() if len(axis) else 0.0 for axis in axes])
-        high = np.array([axis.max(initial=0.0) for axis in axes])
-        low = np.where(np.abs(low) < _FAR, np.minimum(low, 0.0), low)
-        header.scales = np.full(3, _STEP if (high - low).max() < _FAR else _WIDE_STEP)
-        header.offsets = np.floor(low)
+    header.scales = np.abs(header.scales)
+    if cloud.las_header is None or not header.scales.all():
+        _choose_scales(header, cloud)
 
     # the class table replaces an earlier one
     if cloud.classes:
         names = ",".join(cloud.classes).encode()
+        if len(names) > _MOST_RECORD:
+            raise OutputError(
+                f"LAS has room for {_MOST_RECORD:,} letters of class names, there are "
+                f"{len(names):,}; expected fewer; choose --format ply, pcd or npz"
+            )
         header.vlrs = [vlr for vlr in header.vlrs if not _has_classes(vlr)]
         header.vlrs.append(laspy.VLR(*_CLASSES_RECORD, "class names", names))
     return header
+
+
+def _choose_scales(header: laspy.LasHeader, cloud: Cloud) -> None:
+    """Choose steps and offsets for coordinates that have none, or of which LAS makes no sense.
+
+    Raises:
+        OutputError: The coordinates lie farther apart than numbers go.
+    """
+    axes = [cloud.columns[axis].astype(np.float64) for axis in "xyz"]
+    low = np.array([axis.min() if len(axis) else 0.0 for axis in axes])
+    high = np.array([axis.max(initial=0.0) for axis in axes])
+    low = np.where(np.abs(low) < _FAR, np.minimum(low, 0.0), low)
+    with np.errstate(over="ignore"):
+        width = float((high - low).max())
+    if not np.isfinite(width):
+        raise OutputError(_TOO_FAR)
+    step = _STEP if width < _FAR else _WIDE_STEP
+    while width / step > _MOST_STEPS:
+        step *= 10
+    header.scales, header.offsets = np.full(3, step), np.floor(low)
 
 
 def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.generic]]:
@@ -223,7 +255,9 @@ def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.ge
 
     # extra bytes for these, with names as long as LAS allows
     shortened: dict[str, NDArray[np.generic]] = {}
-    for name, column in scalar_columns(others).items():
+    scalars = scalar_columns(others)
+    _check_room(header, scalars)
+    for name, column in scalars.items():
         short = name.encode()[:_NAME_BYTES].decode(errors="ignore")
         if short in own or short in shortened:
             cause = f"another one starts with the same {_NAME_BYTES} bytes"
@@ -231,6 +265,21 @@ def _make_room(header: laspy.LasHeader, cloud: Cloud) -> dict[str, NDArray[np.ge
         header.add_extra_dim(laspy.ExtraBytesParams(name=short, type=column.dtype))
         shortened[short] = column
     return own | shortened
+
+
+def _check_room(header: laspy.LasHeader, scalars: dict[str, NDArray[np.generic]]) -> None:
+    """Refuse more attributes than LAS has room for.
+
+    Raises:
+        OutputError: Too many, or too large together.
+    """
+    count = len(list(header.point_format.extra_dimension_names)) + len(scalars)
+    size = header.point_format.size + sum(column.dtype.itemsize for column in scalars.values())
+    if count > _MOST_EXTRA or size > _MOST_RECORD:
+        raise OutputError(
+            f"LAS has room for {_MOST_EXTRA} attributes beside its own, there are {count:,}; "
+            "expected fewer; choose --format ply, pcd or npz"
+        )
 
 
 def _has_dimension(header: laspy.LasHeader, cloud: Cloud, name: str) -> bool:

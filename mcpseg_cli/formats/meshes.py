@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from struct import error as StructError
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
 """Endings of meshes; a PLY is one if it has faces."""
 _NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
+_DAMAGE = (  # what trimesh raises for damaged files
+    ValueError, LookupError, TypeError, AttributeError, ArithmeticError, NotImplementedError,
+    EOFError, MemoryError, NameError, StructError,
+)  # fmt: skip
 _LARGEST = 2048  # pixels of a texture
 
 
@@ -90,7 +95,15 @@ def read_mesh(path: Path) -> list[MeshPart]:
         InputError: It cannot be read, or has no triangles.
         OSError: It cannot be opened.
     """
-    parts = [part for mesh, name, labels in _meshes_in(path) if (part := _part(mesh, name, labels))]
+    try:
+        parts = [
+            part
+            for mesh, name, labels in _meshes_in(path)
+            if (part := _part(path, mesh, name, labels))
+        ]
+    except _DAMAGE as error:
+        found, remedy = f"no mesh: {error}", "export it again, or as GLB"
+        raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
     if not parts:
         raise InputError(path, "no triangles", "a mesh", "export it with its faces")
     return sorted(parts, key=lambda part: (part.name, part.labels))
@@ -105,16 +118,12 @@ def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]
 
     path.open("rb").close()  # what cannot be opened says so itself
     is_obj = path.suffix.lower() == ".obj"
-    try:
-        if is_obj:
-            text, resolver, objects = regroup_obj(path)
-            scene = trimesh.load_scene(text, file_type="obj", resolver=resolver, process=False)
-        else:
-            objects = {}
-            scene = trimesh.load_scene(path, process=False)
-    except (ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:
-        remedy = "export it again, or as GLB"
-        raise InputError(path, f"no mesh: {error}", "GLB, OBJ, PLY or STL", remedy) from error
+    if is_obj:
+        text, resolver, objects = regroup_obj(path)
+        scene = trimesh.load_scene(text, file_type="obj", resolver=resolver, process=False)
+    else:
+        objects = {}
+        scene = trimesh.load_scene(path, process=False)
 
     found = []
     for node in scene.graph.nodes_geometry:
@@ -143,10 +152,14 @@ def _names(
     return tuple(dict.fromkeys(str(name) for name in (node, geometry, material) if name))
 
 
-def _part(mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
+def _part(path: Path, mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
     """Return a mesh as a part; None without triangles."""
     from trimesh.visual import ColorVisuals
 
+    corners = np.asarray(mesh.faces)
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(mesh.vertices)):
+        found = f"faces of corners {corners.min()} to {corners.max()}"
+        raise InputError(path, found, f"0 to {len(mesh.vertices) - 1}", "export it again")
     triangles = np.asarray(mesh.triangles, np.float64)
     if not len(triangles):
         return None

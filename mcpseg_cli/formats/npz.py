@@ -5,8 +5,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable
-from io import BytesIO
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.cloud import Cloud
 from mcpseg_cli.formats.magic import recognise
+from mcpseg_cli.formats.npy import MAGIC, parse_npy
 from mcpseg_cli.formats.parts import CloudParts
 
 _SPLIT = {"xyz": ("x", "y", "z"), "rgb": ("red", "green", "blue")}
@@ -24,9 +25,12 @@ _COORDINATES = (
     "pts", "pcd", "point_cloud",
 )  # fmt: skip
 _CLASSES = "class_names"
+_MOST_NAMES = 1 << 16
+_LAST_LETTER, _SURROGATES = 0x10FFFF, 0xD800 >> 11  # of Unicode; the latter are no letters
 _DAMAGE = (  # what zipfile, its decompressors and numpy's header parser raise for damaged files
     ValueError, KeyError, TypeError, EOFError, MemoryError, RuntimeError, ArithmeticError, OSError,
-    SyntaxError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, tokenize.TokenError,
+    SyntaxError, AttributeError, IndexError, zipfile.BadZipFile, zlib.error, lzma.LZMAError,
+    struct.error, tokenize.TokenError,
 )  # fmt: skip
 
 
@@ -51,7 +55,7 @@ def read_npz(path: Path) -> Cloud:
         raise InputError(path, f"{doubled} beside xyz", "coordinates once", f"remove {doubled}")
 
     # the class table, and an attribute for every other array
-    classes = tuple(str(name) for name in arrays.pop(_CLASSES, np.empty(0, str)).ravel())
+    classes = _class_names(path, arrays.pop(_CLASSES, np.empty(0, str)))
     if "" in arrays:
         raise InputError(path, "an array without a name", "a name for every array", "save it again")
     columns: dict[str, NDArray[np.generic]] = {}
@@ -138,14 +142,16 @@ def _rename_coordinates(arrays: dict[str, NDArray[np.generic]]) -> None:
 
 
 def _load(path: Path) -> dict[str, NDArray[np.generic]]:
-    """Load every array of the archive into memory."""
-    data = BytesIO(path.read_bytes())
-    try:
-        archive = np.load(data, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
+    """Load every array of the archive into memory; what else lies in it is passed over."""
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) == MAGIC:
             raise InputError(path, "a single array", "an NPZ archive", "save it with numpy.savez")
-        with archive:
-            return {name: archive[name] for name in archive.files}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = {one.filename: one for one in archive.infolist()}
+            total = sum(one.file_size for one in archive.infolist())
+            check_claim(path, "the archive", total)
+            return dict(_arrays(archive, members.values()))
     except _DAMAGE as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
         kind = recognise(path, ", ").replace(", it is a ZIP or NPZ archive", "")
@@ -153,3 +159,32 @@ def _load(path: Path) -> dict[str, NDArray[np.generic]]:
         raise InputError(
             path, found, f"{expected} in an undamaged NPZ", "save it again, no objects"
         ) from error
+
+
+def _arrays(
+    archive: zipfile.ZipFile, members: Iterable[zipfile.ZipInfo]
+) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Yield the arrays of an archive by name."""
+    for member in members:
+        with archive.open(member) as entry:
+            head = entry.read(len(MAGIC))
+            if head == MAGIC:
+                yield member.filename.removesuffix(".npy"), parse_npy(head + entry.read())
+            elif member.filename.endswith(".npy"):
+                raise ValueError(f"{member.filename} is no array")
+
+
+def _class_names(path: Path, array: NDArray[np.generic]) -> tuple[str, ...]:
+    """Take class names out of their array."""
+    names = np.ascontiguousarray(array).ravel()
+    if names.size > _MOST_NAMES or names.dtype.kind not in "USbiuf":
+        found = f"{_CLASSES} holds {names.size:,} {names.dtype}"
+        raise InputError(path, found, f"up to {_MOST_NAMES:,} texts", "save it again")
+    if names.dtype.kind == "S":
+        return tuple(bytes(name).decode("utf-8", "replace") for name in names.tolist())
+    if names.dtype.kind == "U" and names.size:
+        letters = names.astype(names.dtype.newbyteorder("=")).view(np.uint32)
+        if ((letters > _LAST_LETTER) | ((letters >> 11) == _SURROGATES)).any():
+            found = f"{_CLASSES} with letters that are none"
+            raise InputError(path, found, "Unicode texts", "save it again")
+    return tuple(str(name) for name in names)

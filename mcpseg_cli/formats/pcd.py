@@ -16,12 +16,15 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import Cloud, Organisation, as_number, without_spaces
 from mcpseg_cli.formats.magic import recognise, saw
 from mcpseg_cli.formats.parts import CloudParts
 
-_MAX_HEADER = 1 << 14
+_MAX_HEADER = 1 << 24  # bytes: hundreds of thousands of fields
+_FIRST_PART = 1 << 14  # bytes of a file that most headers are shorter than
+_MOST_VALUES = 1 << 24  # of a field
+_MOST_UNPACKED = 88  # bytes that LZF makes of one: 264 of three
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
 _KINDS = {"F": "f", "I": "i", "U": "u"}
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
@@ -94,7 +97,10 @@ def pcd_pose(path: Path) -> NDArray[np.float64] | None:
         InputError: A damaged header.
     """
     with path.open("rb") as file:
-        viewpoint = _parse_header(path, file.read(_MAX_HEADER)).organisation.viewpoint
+        head = file.read(_FIRST_PART)
+        if _data_line(head) is None:
+            head += file.read(_MAX_HEADER - len(head))
+    viewpoint = _parse_header(path, head).organisation.viewpoint
     norm = float(np.linalg.norm(viewpoint[3:]))
     if viewpoint == _NOWHERE or not norm > 0:
         return None
@@ -157,7 +163,13 @@ def _header_text(num_points: int, columns: dict[str, NDArray[np.generic]], cloud
     lines += [f"COUNT {' '.join(str(column.shape[1]) for column in columns.values())}"]
     lines += [f"WIDTH {width}", f"HEIGHT {height}", f"VIEWPOINT {viewpoint}"]
     lines += [f"POINTS {num_points}", "DATA binary"]
-    return ("\n".join(lines) + "\n").encode()
+    text = ("\n".join(lines) + "\n").encode()
+    if len(text) > _MAX_HEADER:
+        raise OutputError(
+            f"a header of {len(text):,} bytes for {len(columns):,} attributes; "
+            f"expected at most {_MAX_HEADER:,}; choose --format npz"
+        )
+    return text
 
 
 def _unpack_colours(
@@ -170,7 +182,7 @@ def _unpack_colours(
 
 def _parse_header(path: Path, data: bytes) -> _Header:
     """Parse and check the header up to and including its DATA line."""
-    match = re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
+    match = _data_line(data)
     if match is None:
         remedy = "the file is cut short or not PCD; copy it again"
         found = f"no DATA line{recognise(path, ', ').replace(', it is PCD', '')}"
@@ -204,6 +216,11 @@ def _parse_header(path: Path, data: bytes) -> _Header:
     return _Header(dtype, num_points, encoding, classes, match.end(), _organisation(words))
 
 
+def _data_line(data: bytes) -> re.Match[bytes] | None:
+    """Find the line that ends a header."""
+    return re.search(rb"^DATA[ \t]+(\S+)[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
+
+
 def _organisation(words: dict[str, list[str]]) -> Organisation:
     """Take viewpoint, width and height of a header; what makes no sense is as if not there."""
     try:
@@ -223,7 +240,7 @@ def _dtype(words: dict[str, list[str]]) -> np.dtype[np.void]:
     types: list[tuple[str, str, tuple[int, ...]]] = []
     entries = zip(fields, kinds, sizes, counts, strict=True)
     for number, (name, kind, size, count) in enumerate(entries):
-        if size not in _SIZES[kind] or not 0 < count < _MAX_HEADER:
+        if size not in _SIZES[kind] or not 0 < count < _MOST_VALUES:
             raise ValueError(name)
         unique = f"{_PADDING} {number}" if name == _PADDING else name  # padding repeats its name
         types.append((unique, f"<{_KINDS[kind]}{size}", (count,) if count > 1 else ()))
@@ -256,6 +273,9 @@ def _read_compressed(path: Path, body: bytes, header: _Header) -> NDArray[np.voi
     found = size // header.dtype.itemsize if len(body) - 8 >= packed_size else 0
     if found < header.num_points:
         raise _cut_short(path, header.num_points, found)
+    if size > _MOST_UNPACKED * packed_size:
+        claim = f"{size:,} bytes promised in {packed_size:,}"
+        raise InputError(path, claim, "compressed data", "copy the file again")
 
     # all of it, to the byte
     table = np.empty(header.num_points, header.dtype)

@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.errors import InputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.cloud import Cloud, scalar_columns, without_spaces
 from mcpseg_cli.formats.magic import recognise, saw
 from mcpseg_cli.formats.parts import CloudParts
@@ -31,7 +31,7 @@ _NAMES = {
 }  # fmt: skip
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CLASSES_COMMENT = "mcpseg classes "
-_MAX_HEADER = 1 << 16
+_MAX_HEADER = 1 << 24  # bytes: half a million properties
 _ATTEMPTS = 20
 _PAUSE_S = 0.02
 _SETTLED_S = 1.0  # from the new vertices of a map to their number in its header at most
@@ -122,7 +122,13 @@ def _header_text(num_points: int, types: list[tuple[str, str]], classes: tuple[s
     lines.append(f"element vertex {num_points}")
     lines += [f"property {_NAMES[dtype]} {name}" for name, dtype in types]
     lines.append("end_header")
-    return ("\n".join(lines) + "\n").encode()
+    text = ("\n".join(lines) + "\n").encode()
+    if len(text) > _MAX_HEADER:
+        raise OutputError(
+            f"a header of {len(text):,} bytes for {len(types):,} attributes; "
+            f"expected at most {_MAX_HEADER:,}; choose --format npz"
+        )
+    return text
 
 
 def _storable(dtype: np.dtype[np.generic]) -> str:

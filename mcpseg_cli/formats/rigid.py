@@ -99,7 +99,8 @@ def from_quaternion(
     Raises:
         InputError: The quaternion is not of unit length; ``name`` says which pose it is of.
     """
-    length = float(np.linalg.norm(quaternion))
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = float(np.linalg.norm(quaternion))
     if not abs(length - 1) < _UNIT_TOLERANCE:
         found = f"{name} has a quaternion of length {length:.3g}"
         raise InputError(path, found, "a unit quaternion qx qy qz qw", "record it again")

@@ -292,7 +292,7 @@ def _from_cache(path: Path, fingerprint: str) -> tuple[tuple[Building, AreaRepor
             return None, f"{path}: made from other files; the cache was made anew"
         report = TypeAdapter(AreaReport).validate_python(json.loads(tags["report"]))
         return (read_building_h5(path), replace(report, from_cache=True)), ""
-    except (McpsegError, OSError, ValueError, KeyError) as error:
+    except (McpsegError, OSError, ValueError, KeyError, RecursionError) as error:
         cause = "no report" if isinstance(error, ValidationError) else error
         return None, f"{path}: not usable ({cause}); the cache was made anew"
 

@@ -35,9 +35,13 @@ def read_text(path: Path) -> Cloud:
 
     # a header, a count
     names: list[str] | None = None
-    while lines and not _are_numbers(lines[0].split()):
-        names = [word.lower() for word in lines.pop(0).lstrip("/#").split()]
-    count = int(lines.pop(0)) if lines and lines[0].strip().isdecimal() else None
+    first = next((n for n, line in enumerate(lines) if _are_numbers(line.split())), len(lines))
+    if first:
+        names = [word.lower() for word in lines[first - 1].lstrip("/#").split()]
+    lines = lines[first:]
+    count: int | None = None
+    if lines and (word := lines[0].strip()).isdecimal() and len(word) <= _MOST_DIGITS:
+        count, lines = int(word), lines[1:]
     if not lines:
         raise InputError(path, "no points", "a line for each point", "check the file")
 
@@ -51,6 +55,7 @@ def read_text(path: Path) -> Cloud:
     return Cloud(_columns(path, table, names))
 
 
+_MOST_DIGITS = 18  # of a number of points
 _SPACES = str.maketrans(",;\t", "   ")
 
 

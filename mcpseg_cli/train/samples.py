@@ -7,6 +7,7 @@ import json
 import os
 import zlib
 from collections.abc import Callable, Iterator
+from math import prod
 from pathlib import Path
 
 import h5py
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.config import SampleSettings
 from mcpseg_cli.errors import InputError, OutputError
+from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.steady import SteadyFile, steady_file
 from mcpseg_cli.incremental.column import ScalarT
 from mcpseg_cli.train.replay import Replay, ScanSamples, list_scans
@@ -75,6 +77,7 @@ class AreaSamples:
         try:
             self._open_file = _open(path)
             self._opened_by = os.getpid()
+            _check_claims(path, self._open_file)
             self._read_tables(self._open_file)
         except _DAMAGE as error:
             cause = " ".join(str(error).split()) or type(error).__name__
@@ -321,13 +324,22 @@ def _is_valid(path: Path, fingerprint: str) -> bool:
                 return False
             if file.attrs[_FACTS] != _checksum_of_facts(file):
                 return False
+            _check_claims(path, file)
             checksums = json.loads(file.attrs["crc32"])
             streams = _STREAMS if "voxel" in file else _STREAMS[-1:]
             return all(
                 _checksum(file[name]) == checksums[name] for name in (*_VOXELS, *_SCANS, *streams)
             )
-    except _DAMAGE:
+    except (*_DAMAGE, InputError):
         return False
+
+
+def _check_claims(path: Path, file: h5py.File) -> None:
+    """Refuse tables that claim far more rows than they have bytes: HDF5 would make them up."""
+    for name, table in file.items():
+        if isinstance(table, h5py.Dataset):
+            num_bytes = prod(table.shape) * table.dtype.itemsize
+            check_claim(path, name, num_bytes, packed=table.id.get_storage_size())
 
 
 def _checksum_of_facts(file: h5py.File) -> int:

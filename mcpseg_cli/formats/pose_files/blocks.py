@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.natural_order import natural_key
+from mcpseg_cli.formats.npy import read_npy
 from mcpseg_cli.formats.pose_files.json_poses import ENDING as JSON_ENDING
 from mcpseg_cli.formats.pose_files.json_poses import read_frame_files
 from mcpseg_cli.formats.pose_files.matrices import Lost, from_matrices
@@ -74,10 +75,10 @@ def read_array(path: Path) -> Poses:
         InputError: Of another shape, or no array of numbers.
     """
     expected = "numbers of shape (P, 4, 4), (P, 3, 4), (P, 16) or (P, 12)"
+    array = read_npy(path, expected)
     try:
-        array = np.load(path, allow_pickle=False)
         rows = np.asarray(array, np.float64)
-    except (ValueError, TypeError, EOFError) as error:
+    except (ValueError, TypeError) as error:
         raise InputError(path, "no array of numbers", expected, "save it again") from error
     flat = rows.reshape(len(rows), -1) if rows.ndim in (2, 3) and len(rows) else np.empty((0, 0))
     if flat.shape[1] not in (12, 16) or (rows.ndim == 3 and rows.shape[2] != 4):

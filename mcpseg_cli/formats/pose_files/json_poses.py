@@ -134,7 +134,7 @@ def _array(value: object) -> NDArray[np.float64] | None:
         return None
     try:
         return np.array(value, np.float64)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         return None
 
 

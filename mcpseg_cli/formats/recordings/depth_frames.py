@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from struct import error as StructError
+from warnings import catch_warnings
 
 import numpy as np
 import open3d as o3d
@@ -14,12 +17,20 @@ from PIL import Image
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.npy import read_npy
 from mcpseg_cli.scan import GREY
 
 _FARTHEST = 1000.0  # metres; what Open3D cuts off beyond
 _INVALID = 65535  # as some sensors write what they did not see
+_PICTURES = ("PNG", "JPEG")
+_BYTES_A_PIXEL = 8  # of depth, in float64
+_DAMAGE = (  # what Pillow raises for damaged files
+    OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, StructError,
+    ArithmeticError, zlib.error,
+)  # fmt: skip
 _CENTRAL = (0.25, 0.75)  # shares of an image between which its principal point lies
 
 
@@ -200,14 +211,9 @@ def read_depth(path: Path) -> NDArray[np.float64]:
         InputError: Damaged, or no 16-bit PNG and no NPY of numbers.
         OSError: It cannot be opened.
     """
-    if path.suffix.lower() == ".npy":
-        try:
-            depth = np.load(path, allow_pickle=False)
-        except ValueError as error:
-            raise InputError(path, "no array of numbers", "a depth image", "copy it") from error
-    else:
-        depth = read_image(path)
-    if depth.ndim != 2 or depth.dtype == np.uint8:
+    is_array = path.suffix.lower() == ".npy"
+    depth = read_npy(path, "a depth image") if is_array else read_image(path)
+    if depth.ndim != 2 or depth.dtype == np.uint8 or depth.dtype.kind not in "uif":
         found = f"an image of {depth.dtype} {depth.shape}"
         raise InputError(path, found, "depth of 16 bits in one channel", "export it again")
     values: NDArray[np.float64] = depth.astype(np.float64)
@@ -236,10 +242,12 @@ def read_image(path: Path) -> NDArray[np.generic]:
 
 def _read(path: Path, mode: str | None) -> NDArray[np.generic]:
     """Read an image through Pillow, which Open3D brings: of its own reader, damage is the end."""
-    with path.open("rb") as file:
+    with path.open("rb") as file, catch_warnings(action="ignore"):
         try:
-            with Image.open(file) as image:
+            with Image.open(file, formats=_PICTURES) as image:
+                claim = f"an image of {image.width:,} x {image.height:,}"
+                check_claim(path, claim, image.width * image.height * _BYTES_A_PIXEL)
                 return np.asarray(image if mode is None else image.convert(mode))
-        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        except (*_DAMAGE, Image.DecompressionBombError) as error:
             found = f"no whole image ({' '.join(str(error).split())[:60]})"
             raise InputError(path, found, "a PNG or JPEG", "copy it again") from error

@@ -13,6 +13,7 @@ from pye57 import E57, ScanHeader, libe57
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.recordings.stations import station_names
@@ -22,6 +23,7 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _COLOUR = ("colorRed", "colorGreen", "colorBlue")
 _INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+_BYTES = {**dict.fromkeys(_INVALID, 1), "intensity": 4}  # of a point; of all others 8 at most
 
 
 @dataclass(frozen=True)
@@ -58,14 +60,14 @@ class E57Station:
         """Read its points; those without a valid return are dropped."""
         with _opened(self.path) as file:
             header = file.get_header(self.number)
-            columns = _read_columns(header, file)
+            columns = _read_columns(self.path, header, file)
             limits = _colour_limits(header)
         return checked(self.path, Cloud(_as_cloud(self.path, columns, limits)))
 
     def fingerprint(self) -> Fingerprint:
         """Take the fingerprint of its points."""
         with _opened(self.path) as file:
-            columns = _read_columns(file.get_header(self.number), file)
+            columns = _read_columns(self.path, file.get_header(self.number), file)
         content = [part for name in sorted(columns) for part in (name.encode(), columns[name].data)]
         return Fingerprint.of_part(self.path, content)
 
@@ -143,12 +145,15 @@ def _colour_limits(header: ScanHeader) -> tuple[float, float] | None:
     return (float(low), float(high)) if high > low else None
 
 
-def _read_columns(header: ScanHeader, file: E57) -> dict[str, NDArray[np.generic]]:
+def _read_columns(path: Path, header: ScanHeader, file: E57) -> dict[str, NDArray[np.generic]]:
     """Read what is known of the attributes of all points, by name."""
     buffers, columns = libe57.VectorSourceDestBuffer(), {}
     prototype = libe57.StructureNode(header.points.prototype())
     wanted = (*_CARTESIAN, *_SPHERICAL, *_COLOUR, *_INVALID, "intensity")
-    for name in [name for name in wanted if name in header.point_fields]:
+    names = [name for name in wanted if name in header.point_fields]
+    claim = f"{header.point_count:,} points"
+    check_claim(path, claim, header.point_count * sum(_BYTES.get(name, 8) for name in names))
+    for name in names:
         columns[name] = np.empty(header.point_count, _type_of(prototype, name))
         buffers.append(
             libe57.SourceDestBuffer(
@@ -194,7 +199,10 @@ def _as_cloud(
     if set(_COLOUR) <= set(known):
         low, high = limits or (0.0, 255.0)
         for name, source in zip(("red", "green", "blue"), _COLOUR, strict=True):
-            share = (known[source].astype(np.float64) - low) / (high - low)
+            with np.errstate(over="ignore", invalid="ignore"):
+                share = (known[source].astype(np.float64) - low) / (high - low)
+            if np.isnan(share).any():
+                raise InputError(path, f"{source} that is no number", "colours", "export it again")
             cloud[name] = np.clip(np.rint(255 * share), 0, 255).astype(np.uint8)
     if "intensity" in known:
         cloud["intensity"] = known["intensity"]

@@ -6,7 +6,7 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -30,6 +30,7 @@ from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.recordings.bag_chunks import unpack_lz4, unpack_zstd
 from mcpseg_cli.formats.recordings.bag_files import (
     NOT_DECODED,
     Place,
@@ -186,7 +187,11 @@ class McapBag:
             usual = get_typestore(_STORES[encoding]).fielddefs
             types = {**get_types_from_msg(_TF, "tf2_msgs/msg/TFMessage"), **usual, **types}
         store = get_typestore(Stores.EMPTY)
-        store.register(types)
+        try:
+            store.register(types)
+        except TypesysError as error:
+            found = f"message types that do not go together ({str(error)[:60]})"
+            raise InputError(self._paths[0], found, "ROS messages", "record it again") from error
         return store
 
 
@@ -264,9 +269,20 @@ def _parts(path: Path, record: McapRecord | None) -> list[McapRecord]:
     if not isinstance(record, Chunk):
         return [record]
     try:
-        return breakup_chunk(record, validate_crc=True)
+        return breakup_chunk(_unpacked(record), validate_crc=True)
     except _DAMAGE as error:
         raise _refusal(path, "chunk", error) from error
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """Unpack a chunk, up to a bound; of another compression it stays as it is."""
+    if chunk.compression == "zstd":
+        data = unpack_zstd(chunk.data, chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        data = unpack_lz4(chunk.data)
+    else:
+        return chunk
+    return replace(chunk, compression="", data=data)
 
 
 def _refusal(path: Path, what: str, error: BaseException) -> InputError:

@@ -16,6 +16,7 @@ from mcpseg_cli.formats.rigid import from_quaternion
 from mcpseg_cli.formats.scan_source import Recording
 
 _MM = 1000.0
+_WIDEST = 1e6  # pixels
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # from y up
 _FORWARD = np.diag([1.0, -1.0, -1.0, 1.0])  # from ARKit's camera, which looks along -z
 _STRAY_WIDTH = 1920  # pixels that Stray Scanner's intrinsics are for
@@ -38,7 +39,7 @@ def open_record3d(path: Path) -> Recording | None:
     file = next(path / name for name in ("metadata", "metadata.json") if (path / name).is_file())
     try:
         facts = json.loads(file.read_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     if not isinstance(facts, dict) or not {"poses", "K"} <= set(facts):
         return None
@@ -70,7 +71,9 @@ def _facts(
         rows = np.array(facts["poses"], np.float64).reshape(-1, 7)
         matrix = np.array(facts["K"], np.float64).reshape(3, 3).T
         width = float(str(facts["w"])) if "w" in facts else 2 * matrix[0, 2]
-    except (ValueError, TypeError) as error:
+        if not 0 < width < _WIDEST:
+            raise ValueError(f"an image {width:g} pixels wide")
+    except (ValueError, TypeError, OverflowError) as error:
         found = f"poses or K that are none ({error})"
         raise InputError(file, found, "7 numbers a pose, 9 of K", "export again") from error
     poses = [

@@ -22,6 +22,7 @@ _COLUMNS = {
     4: ("x", "y", "z", "intensity"),
     7: ("x", "y", "z", "intensity", "red", "green", "blue"),
 }
+_BRIGHTEST = 255
 _WHOLE = "a whole PTX file: columns, rows, position, axes, 4 x 4 matrix, points"
 
 
@@ -64,6 +65,9 @@ class PtxStation:
             found, expected = f"{table.shape[1]} numbers a point", "3, 4 or 7"
             raise InputError(self.path, found, expected, "export it as PTX again")
         table = table[(table[:, :3] != 0).any(axis=1)]
+        colours = table[:, 4:]
+        if not ((colours >= 0) & (colours <= _BRIGHTEST)).all():
+            raise InputError(self.path, "colours beyond a byte", "0 to 255", "export it again")
         columns: dict[str, NDArray[np.generic]] = {
             name: table[:, place].astype(np.uint8 if place > 3 else np.float64)
             for place, name in enumerate(names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -11,14 +11,21 @@ from weakref import finalize
 
 import apsw
 from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag1 import ReaderError as Reader1Error
+from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.recordings.bag_chunks import unpack_bz2, unpack_lz4
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
 
+_UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
+    decompressors["bz2"]: unpack_bz2,
+    decompressors["lz4"]: unpack_lz4,
+}
 _DAMAGE = (
     AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, apsw.Error,
     OverflowError, MemoryError, RuntimeError, StructError,
@@ -49,6 +56,11 @@ class RosBag:
         except _DAMAGE as error:
             raise _refusal(path, error) from error
         finalize(self, self._reader.close)
+        for one in self._reader.readers:
+            if isinstance(one, Reader1):  # its own way unpacks chunks of any size
+                for place, chunk in one.chunks.items():
+                    unpack = _UNPACK.get(chunk.decompressor, chunk.decompressor)
+                    one.chunks[place] = chunk._replace(decompressor=unpack)
 
         self._connections = list(self._reader.connections)
         self.notes: tuple[str, ...] = ()

@@ -144,6 +144,8 @@ def _rows(path: Path, message: PointCloud2 | Image, step: int, used: int) -> NDA
     if step < used or len(data) < (message.height - 1) * step + used:
         found = f"{len(data):,} bytes for {message.height} rows of {used:,}"
         raise InputError(path, found, "a whole message", "record it again")
+    if message.height == 1:
+        step = used  # the padding of a single row may be any number
     padded = np.zeros(message.height * step, np.uint8)
     padded[: len(data)] = data[: len(padded)]
     return np.ascontiguousarray(padded.reshape(message.height, step)[:, :used])
