@@ -29,9 +29,12 @@ from mcpseg_cli.cli.intake_options import (
     AskedIntake,
     Colour,
     FrameOption,
+    MaxTimeGap,
     NoCheck,
     Offset,
+    PoseTopic,
     Scale,
+    Topic,
     Up,
 )
 from mcpseg_cli.cli.interrupt import Interrupt
@@ -140,13 +143,8 @@ def segment(
     offset: Offset = None,
     colour: Colour = None,
     no_check: NoCheck = False,
-    topic: Annotated[
-        str | None,
-        typer.Option(help="Topic of a bag's point clouds or depth images, if there are several."),
-    ] = None,
-    pose_topic: Annotated[
-        str | None, typer.Option(help="Topic of a bag's poses, if there are several.")
-    ] = None,
+    topic: Topic = None,
+    pose_topic: PoseTopic = None,
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
@@ -182,14 +180,7 @@ def segment(
         OnError,
         typer.Option(help="What to do about a scan that cannot be read or has no pose."),
     ] = "stop",
-    max_time_gap: Annotated[
-        float,
-        typer.Option(
-            metavar="SECONDS",
-            min=0.0,
-            help="How far a pose may be in time, where scans pair by their time stamps.",
-        ),
-    ] = 0.05,
+    max_time_gap: MaxTimeGap = 0.05,
     follow: Annotated[
         bool,
         typer.Option(

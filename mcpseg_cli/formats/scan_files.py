@@ -13,6 +13,7 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.scan_source import check_names
 
@@ -121,9 +122,13 @@ def _files_below(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 def _instead(directory: Path) -> str:
-    """Say what is in a folder: its most frequent endings."""
+    """Say what is in a folder: its most frequent endings, and what files of the first are."""
     files = [path for path in directory.rglob("*") if path.is_file() and path.name[0] != "."]
-    endings = Counter("".join(path.suffixes[-2:]) or "without ending" for path in files)
+    ending_of = {path: "".join(path.suffixes[-2:]) or "without ending" for path in sorted(files)}
+    endings = Counter(ending_of.values())
     if not endings:
         return ", an empty folder" if not any(directory.iterdir()) else ""
-    return ", but " + ", ".join(f"{count:,} {ending}" for ending, count in endings.most_common(3))
+    counts = endings.most_common(3)
+    listed = ", ".join(f"{count:,} {ending}" for ending, count in counts)
+    first = next(path for path in ending_of if ending_of[path] == counts[0][0])
+    return f", but {listed}{recognise(first, f'; {first.name}: ')}"

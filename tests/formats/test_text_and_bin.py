@@ -139,3 +139,17 @@ def test_clouds_without_poses_need_a_pose_file(tmp_path):
     text(tmp_path / "0.xyz", XYZ)
     with pytest.raises(InputError, match="without poses; expected a pose file"):
         open_recording(tmp_path)
+
+
+def test_a_folder_of_other_files_is_told_by_what_the_first_is(tmp_path):
+    for name in ("a.dat", "b.dat", "c.txt~"):
+        (tmp_path / name).write_bytes(b"ASTM-E57" + bytes(40))
+    with pytest.raises(InputError, match=r"but 2 \.dat, 1 \.txt~; a\.dat: it is E57; expected"):
+        list_clouds(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a.e57", "a.ptx", "a.mcap", "a.bag", "a.db3", "a.las"])
+def test_a_file_that_is_something_else_is_recognised(tmp_path, name):
+    (tmp_path / name).write_bytes(b"ply\nformat ascii 1.0\n" + bytes(200))
+    with pytest.raises(InputError, match="it is PLY"):
+        open_recording(tmp_path / name)
