@@ -36,7 +36,7 @@ def read_text(path: Path) -> Cloud:
     # a header, a count
     names: list[str] | None = None
     while lines and not _are_numbers(lines[0].split()):
-        names = [word.lower() for word in lines.pop(0).lstrip("/#").split()]
+        names = [word.strip("\"'").lower() for word in lines.pop(0).lstrip("/#").split()]
     count = int(lines.pop(0)) if lines and lines[0].strip().isdecimal() else None
     if not lines:
         raise InputError(path, "no points", "a line for each point", "check the file")

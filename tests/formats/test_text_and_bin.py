@@ -153,3 +153,11 @@ def test_a_file_that_is_something_else_is_recognised(tmp_path, name):
     (tmp_path / name).write_bytes(b"ply\nformat ascii 1.0\n" + bytes(200))
     with pytest.raises(InputError, match="it is PLY"):
         open_recording(tmp_path / name)
+
+
+def test_quoted_names_are_read_as_pdal_writes_them(tmp_path):
+    head = '"X","Y","Z","Intensity","Red","Green","Blue"'
+    (tmp_path / "a.txt").write_text(head + "\n1,2,3,0.5,255,128,0\n4,5,6,0.5,9,8,7\n")
+    cloud = read_cloud(tmp_path / "a.txt")
+    np.testing.assert_array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(cloud.rgb, [[255, 128, 0], [9, 8, 7]])
