@@ -14,6 +14,8 @@ from tests.formats.test_rgbd import write_scannet
 from tests.test_docs import README, ROOT, simple_commands
 
 INSTALLS = {"git", "cd", "make", ".", "pip", "docker"}  # other programs, which this run stands for
+SERVERS = {"view"}  # see tests/export/test_view.py
+ELSEWHERE = {"walk.mcap", "site.e57", "scene0000_00/"}  # see tests/cli/test_segment_recordings.py
 SMALLER = {  # what makes minutes and hours seconds; otherwise commands are as printed
     "synth": ["--rooms", "2", "--spacing", "0.1", "--jobs", "1"],
     "raytrace": ["--step", "2", "--h-res", "6", "--v-res", "6", "--jobs", "1"],
@@ -100,11 +102,10 @@ def test_each_sensors_recording_gives_the_same_map(folder, weights_path):
 
 
 def test_all_commands_work_in_order_in_one_folder(folder):
-    pytest.importorskip("k3d")
     pytest.importorskip("matplotlib")
     ran = []
     for words in simple_commands(README):
-        if words[0] in INSTALLS:
+        if words[0] in INSTALLS or words[1] in SERVERS or ELSEWHERE & set(words):
             continue
         assert words[0] == "mcpseg", f"{shlex.join(words)}: a command that this test does not run"
         result = invoke(*words[1:], *SMALLER.get(words[1], []))
