@@ -66,6 +66,7 @@ if TYPE_CHECKING:
 _OF_RECORDINGS = (
     "recordings", "engine", "scheduler", "jobs", "output", "overwrite", "as_json", "quiet", "rerun",
 )  # fmt: skip
+_NAMED = 5  # skipped scans in the summary; run.json and --json name all
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
@@ -588,7 +589,8 @@ def _print_summary(
     if pending := _num_pending(run):
         rows.append(("still to do", f"{pending:,}"))
     if skipped := _skipped(run):
-        rows.append(("skipped", ", ".join(skipped)))
+        more = ", …" if len(skipped) > _NAMED else ""
+        rows.append(("skipped", f"{len(skipped):,}: {', '.join(skipped[:_NAMED])}{more}"))
     rows += [("poses", recording.columns), ("paired", recording.told)]
 
     # how they were taken

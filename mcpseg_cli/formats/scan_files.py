@@ -18,7 +18,7 @@ from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.scan_source import check_names
 
 STATION_SUFFIXES = (".e57", ".ptx")  # files of several scans, each with its pose
-_ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing else is
+_ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing surer is: poses are .txt, too
 _RUN = "state.sqlite"  # what lies in the folder of a run
 
 
@@ -114,11 +114,19 @@ def _files_below(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     entries = [path for path in entries if path.name[0] != "."]
     files = [path for path in entries if path.is_file() and path.suffix.lower() in suffixes]
 
-    sure = [path for path in files if path.suffix.lower() not in _ALSO_OTHER_THINGS]
-    if sure or files:
-        return sure or files
+    surest = min(map(_doubt, files), default=len(_ALSO_OTHER_THINGS) + 1)
+    files = [path for path in files if _doubt(path) == surest]
+    if surest < len(_ALSO_OTHER_THINGS):
+        return files
     folders = [path for path in entries if path.is_dir() and not (path / _RUN).exists()]
-    return [path for folder in folders for path in _files_below(folder, suffixes)]
+    below = [path for folder in folders for path in _files_below(folder, suffixes)]
+    return below if min(map(_doubt, below), default=surest) < surest else files
+
+
+def _doubt(path: Path) -> int:
+    """Tell how likely a file is something else than a scan, by its ending: 0, not at all."""
+    suffix = path.suffix.lower()
+    return 1 + _ALSO_OTHER_THINGS.index(suffix) if suffix in _ALSO_OTHER_THINGS else 0
 
 
 def _instead(directory: Path) -> str:

@@ -161,3 +161,21 @@ def test_quoted_names_are_read_as_pdal_writes_them(tmp_path):
     cloud = read_cloud(tmp_path / "a.txt")
     np.testing.assert_array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
     np.testing.assert_array_equal(cloud.rgb, [[255, 128, 0], [9, 8, 7]])
+
+
+@pytest.mark.parametrize(
+    ("files", "scans"),
+    [
+        (("poses.txt", "calib.txt", "velodyne/0.bin", "velodyne/1.bin"), ["0.bin", "1.bin"]),
+        (("poses.txt", "run1/0.ply", "run1/times.txt"), ["0.ply"]),
+        (("times.txt", "0.bin", "1.bin"), ["0.bin", "1.bin"]),
+        (("times.txt", "0.bin", "1.ply"), ["1.ply"]),
+        (("0.txt", "1.txt", "notes/2.txt"), ["0.txt", "1.txt"]),
+        (("0.bin", "old/1.ply"), ["0.bin"]),
+    ],
+)
+def test_text_that_lies_beside_scans_is_none(tmp_path, files, scans):
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [path.name for path in list_clouds(tmp_path)] == scans
