@@ -589,8 +589,7 @@ def _print_summary(
     if pending := _num_pending(run):
         rows.append(("still to do", f"{pending:,}"))
     if skipped := _skipped(run):
-        more = ", …" if len(skipped) > _NAMED else ""
-        rows.append(("skipped", f"{len(skipped):,}: {', '.join(skipped[:_NAMED])}{more}"))
+        rows.append(("skipped", _shortened(skipped)))
     rows += [("poses", recording.columns), ("paired", recording.told)]
 
     # how they were taken
@@ -628,6 +627,12 @@ def _num_pending(run: SegmentRun) -> int:
 def _skipped(run: SegmentRun) -> list[str]:
     """Name the scans that could not be read."""
     return [record.name for record in run.records if record.error is not None]
+
+
+def _shortened(names: list[str]) -> str:
+    """List names; count them where there are many."""
+    listed = ", ".join(names[:_NAMED])
+    return listed if len(names) <= _NAMED else f"{len(names):,} scans: {listed}, …"
 
 
 def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:
