@@ -101,7 +101,8 @@ def _check(
 
     intake = asked.intake()
     found = examine(glances, recording.poses, intake.frame)
-    against, remedies = objections(found, intake, asked.given)
+    is_own = recording.frame is not None
+    against, remedies = objections(found, intake, asked.given, is_frame_own=is_own)
     if against:
         options = " ".join(remedies)
         raise InputError(

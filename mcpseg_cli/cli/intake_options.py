@@ -47,6 +47,25 @@ Colour = Annotated[
     ColourUnit | None,
     typer.Option("--colour", help="Unit of the colours.  [default: told from the first scans]"),
 ]
+Topic = Annotated[
+    str | None,
+    typer.Option(
+        "--topic", help="Topic of a bag's point clouds or depth images, if there are several."
+    ),
+]
+PoseTopic = Annotated[
+    str | None,
+    typer.Option("--pose-topic", help="Topic of a bag's poses, if there are several."),
+]
+MaxTimeGap = Annotated[
+    float,
+    typer.Option(
+        "--max-time-gap",
+        metavar="SECONDS",
+        min=0.0,
+        help="How far a pose may be in time, where scans pair by their time stamps.",
+    ),
+]
 NoCheck = Annotated[
     bool,
     typer.Option(

@@ -29,9 +29,12 @@ from mcpseg_cli.cli.intake_options import (
     AskedIntake,
     Colour,
     FrameOption,
+    MaxTimeGap,
     NoCheck,
     Offset,
+    PoseTopic,
     Scale,
+    Topic,
     Up,
 )
 from mcpseg_cli.cli.interrupt import Interrupt
@@ -63,6 +66,7 @@ if TYPE_CHECKING:
 _OF_RECORDINGS = (
     "recordings", "engine", "scheduler", "jobs", "output", "overwrite", "as_json", "quiet", "rerun",
 )  # fmt: skip
+_NAMED = 5  # skipped scans in the summary; run.json and --json name all
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
@@ -140,13 +144,8 @@ def segment(
     offset: Offset = None,
     colour: Colour = None,
     no_check: NoCheck = False,
-    topic: Annotated[
-        str | None,
-        typer.Option(help="Topic of a bag's point clouds or depth images, if there are several."),
-    ] = None,
-    pose_topic: Annotated[
-        str | None, typer.Option(help="Topic of a bag's poses, if there are several.")
-    ] = None,
+    topic: Topic = None,
+    pose_topic: PoseTopic = None,
     voxel_size: Annotated[
         float, typer.Option(metavar="METRES", help="Edge of a voxel, 0.01 to 10.")
     ] = 0.1,
@@ -182,14 +181,7 @@ def segment(
         OnError,
         typer.Option(help="What to do about a scan that cannot be read or has no pose."),
     ] = "stop",
-    max_time_gap: Annotated[
-        float,
-        typer.Option(
-            metavar="SECONDS",
-            min=0.0,
-            help="How far a pose may be in time, where scans pair by their time stamps.",
-        ),
-    ] = 0.05,
+    max_time_gap: MaxTimeGap = 0.05,
     follow: Annotated[
         bool,
         typer.Option(
@@ -597,7 +589,7 @@ def _print_summary(
     if pending := _num_pending(run):
         rows.append(("still to do", f"{pending:,}"))
     if skipped := _skipped(run):
-        rows.append(("skipped", ", ".join(skipped)))
+        rows.append(("skipped", _shortened(skipped)))
     rows += [("poses", recording.columns), ("paired", recording.told)]
 
     # how they were taken
@@ -635,6 +627,12 @@ def _num_pending(run: SegmentRun) -> int:
 def _skipped(run: SegmentRun) -> list[str]:
     """Name the scans that could not be read."""
     return [record.name for record in run.records if record.error is not None]
+
+
+def _shortened(names: list[str]) -> str:
+    """List names; count them where there are many."""
+    listed = ", ".join(names[:_NAMED])
+    return listed if len(names) <= _NAMED else f"{len(names):,} scans: {listed}, …"
 
 
 def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:

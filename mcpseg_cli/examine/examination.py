@@ -67,10 +67,10 @@ class Examination:
     high: NDArray[np.float64]
     colour: ColourUnit | None
 
-    def intake(self, asked: Intake) -> Intake:
-        """Return how to take the recording: as found, else as asked."""
+    def intake(self, asked: Intake, own_frame: Frame | None = None) -> Intake:
+        """Return how to take the recording: as it says itself, else as found, else as asked."""
         return Intake(
-            frame=self.frame or asked.frame,
+            frame=own_frame or self.frame or asked.frame,
             up=self.up or asked.up,
             scale=self.unit.scale,
             pose_scale=self.pose_scale,

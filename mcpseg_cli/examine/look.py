@@ -114,7 +114,18 @@ def describe_colour(glances: Sequence[Glance], unit: ColourUnit | None) -> str:
     is_bytes = all(colour.values.dtype == np.uint8 for colour in coloured)
     said = coloured[0].unit or ("8-bit" if is_bytes else unit)
     some = "" if len(coloured) == len(glances) else f", in {len(coloured)} of {len(glances)} scans"
+    unknown = sum(int(_has_nan(colour.values).sum()) for colour in coloured)
+    share = unknown / max(1, sum(len(colour.values) for colour in coloured))
+    some += f"; {share:.1%} of the points without, taken as grey" if unknown else ""
     return f"{said or 'of unclear unit'} ({names}){some}"
+
+
+def _has_nan(values: NDArray[np.generic]) -> NDArray[np.bool_]:
+    """Tell which points have a colour that is no number; (N,)."""
+    if values.dtype.kind != "f":
+        return np.zeros(len(values), bool)
+    unknown: NDArray[np.bool_] = np.isnan(values.reshape(len(values), -1)).any(axis=1)
+    return unknown
 
 
 def spread(num_scans: int, num_wanted: int) -> list[int]:

@@ -14,7 +14,7 @@ _PLACEMENTS: tuple[Placement, Placement] = ("by the poses", "as they are")
 
 
 def objections(
-    found: Examination, asked: Intake, given: Collection[str]
+    found: Examination, asked: Intake, given: Collection[str], *, is_frame_own: bool = False
 ) -> tuple[list[str], list[str]]:
     """Compare what was found with what was asked for.
 
@@ -22,6 +22,7 @@ def objections(
         found: What the recording is.
         asked: How it is to be taken.
         given: Which of ``up``, ``scale`` and ``offset`` the user named: these are right.
+        is_frame_own: Whether the recording itself says the frame, so that no option changes it.
 
     Returns:
         What is otherwise, and the options or other remedies for it, one each.
@@ -34,7 +35,8 @@ def objections(
         best, other = _PLACEMENTS if found.frame == "sensor" else _PLACEMENTS[::-1]
         coincide = f"{shares[best]} of their points, not {other}, {shares[other]}"
         against.append(f"scans coincide {best} ({coincide})")
-        remedies.append(f"--frame {found.frame}")
+        other_poses = "other poses in a file after the recording"
+        remedies.append(other_poses if is_frame_own else f"--frame {found.frame}")
     elif found.frame is None and found.coincidence.best == "by the inverse poses":
         coincide = shares["by the inverse poses"]
         against.append(f"scans coincide by the inverse of their poses ({coincide} of their points)")
@@ -63,7 +65,14 @@ def objections(
 
 
 def doubts(found: Examination, asked: Intake) -> str | None:
-    """Say that scans hardly lie on one another, whatever is done, if they do not; else None."""
+    """Say what speaks against an axis that the user named, or against the poses; else None.
+
+    Args:
+        found: What the recording is.
+        asked: How it is to be taken; what of it the user named is not refused.
+    """
+    if found.up not in (None, asked.up):
+        return f"{found.up} is up, not {asked.up} as --up says: {found.up_reason}"
     shares, frame = found.coincidence.shares, asked.frame
     share = shares["by the poses" if frame == "sensor" else "as they are"]
     if found.frame is not None or not found.coincidence.num_pairs or share >= _HARDLY:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.examine.examination import Examination
 from mcpseg_cli.examine.look import Glance, describe_colour
 from mcpseg_cli.formats.intake import Intake
+from mcpseg_cli.formats.scan_source import Recording
 
 
 @dataclass(frozen=True)
@@ -21,35 +23,35 @@ class Summary:
     """A recording and how it would be taken.
 
     Attributes:
-        recording: What the user named.
+        recording: The scans as they were opened.
         poses_path: The pose file; None without.
-        num_scans: Scans in it.
         pairing: How scans and poses belong together.
         poses: (P, 4, 4) as the pose file has them; none without a pose file.
         glances: The scans that were looked at.
         found: What they show.
         local_range: Metres that ``--range auto`` would take, and why.
+        opened_by: The options that it takes to open it.
     """
 
-    recording: Path
+    recording: Recording
     poses_path: Path | None
-    num_scans: int
     pairing: str
     poses: NDArray[np.float64]
     glances: Sequence[Glance]
     found: Examination
     local_range: tuple[float, str]
+    opened_by: tuple[str, ...] = ()
 
     @property
     def intake(self) -> Intake:
         """How to take the recording."""
-        return self.found.intake(Intake("map"))
+        return self.found.intake(Intake("map"), self.recording.frame)
 
     @property
     def options(self) -> list[str]:
         """The options that ``mcpseg segment`` needs for it."""
-        intake, words = self.intake, []
-        if intake.frame != "map":
+        intake, words = self.intake, [*self.opened_by]
+        if intake.frame != "map" and self.recording.frame is None:
             words += ["--frame", intake.frame]
         if intake.scale != 1.0 or intake.pose_scale is not None:
             poses = "" if intake.pose_scale is None else f",{intake.pose_scale:g}"
@@ -64,9 +66,11 @@ class Summary:
         """Give everything by name; lengths in metres where nothing else is said."""
         found, counts = self.found, self._counts()
         return {
-            "recording": str(self.recording),
+            "recording": str(self.recording.path),
+            "kind": self.recording.kind,
+            "notes": list(self.recording.notes),
             "poses": None if self.poses_path is None else str(self.poses_path),
-            "scans": self.num_scans,
+            "scans": len(self.recording),
             "formats": dict(self._endings()),
             "looked_at": len(self.glances),
             "points": counts["points"],
@@ -77,7 +81,7 @@ class Summary:
             "pairing": self.pairing,
             "path_length": self._path() if len(self.poses) else None,
             "coincide": found.coincidence.shares if found.coincidence.num_pairs else None,
-            "frame": found.frame,
+            "frame": self.recording.frame or found.frame,
             "unit": found.unit.name,
             "unit_may_be": list(found.unit.others),
             "scale": found.unit.scale,
@@ -98,8 +102,9 @@ class Summary:
 
     def rows(self) -> list[tuple[str, str]]:
         """Give a name and a line for everything worth knowing."""
-        named = [str(path) for path in (self.recording, self.poses_path) if path is not None]
-        command = " ".join(["mcpseg segment", *named, *self.options])
+        poses = "POSES" if not len(self.poses) else self.poses_path
+        named = [str(path) for path in (self.recording.path, poses) if path is not None]
+        command = shlex.join(["mcpseg", "segment", *named, *self.options])
         distance, reason = self.local_range
         last = [("range", f"{distance:g} m: {reason}"), ("command", command)]
         return [*self._rows_of_scans(), *self._rows_of_places(), *last]
@@ -107,8 +112,9 @@ class Summary:
     def _rows_of_scans(self) -> list[tuple[str, str]]:
         """Say what the scans hold."""
         counts = self._counts()
-        endings = ", ".join(f"{count:,} {name}" for name, count in self._endings())
-        rows = [("recording", f"{self.num_scans:,} scans ({endings} looked at)")]
+        about = f"{self.recording.kind}, {len(self.glances):,} looked at"
+        rows = [("recording", f"{len(self.recording):,} scans ({about})")]
+        rows += [("", note) for note in self.recording.notes]
         rows.append(("points", f"{counts['points'] // len(self.glances):,} a scan"))
         if left_out := self._left_out(counts):
             rows.append(("left out", left_out))
@@ -164,12 +170,13 @@ class Summary:
 
     def _about_frame(self) -> str:
         """Say which frame scans are in, and by what."""
-        coincidence, found = self.found.coincidence, self.found.frame
+        coincidence, found = self.found.coincidence, self.recording.frame or self.found.frame
+        said = ", as the recording says" if self.recording.frame else ""
         if not coincidence.num_pairs:
-            return "cannot be told: no two scans to compare"
+            return f"{found or 'cannot be told'}{said}: no two scans to compare"
         shares = ", ".join(f"{share:.0%} {name}" for name, share in coincidence.shares.items())
         named: dict[Frame | None, str] = {None: "cannot be told", "map": "map", "sensor": "sensor"}
-        return f"{named[found]}: points of neighbouring scans coincide {shares}"
+        return f"{named[found]}{said}: points of neighbouring scans coincide {shares}"
 
     def _path(self) -> float:
         """Measure the way of the sensor, metres."""

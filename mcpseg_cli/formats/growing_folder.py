@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from time import monotonic, perf_counter, time_ns
 
@@ -70,7 +70,7 @@ class GrowingFolder:
         self._overtaken: dict[str, float] = {}
         self._taken: set[Path] = set()
         self._paths: list[Path] = []
-        self._listed: _Status | None = None
+        self._listed: dict[Path, _Status] = {}
         self._is_stale, self._next_pairing = False, 0.0
 
     @property
@@ -125,15 +125,15 @@ class GrowingFolder:
             return True
 
     def _list(self) -> list[Path]:
-        """List the scans, unless the folder is as it was, and was so for a moment before."""
-        try:
-            status = _status(self.directory)
-        except FileNotFoundError:
-            status = None
-        if status is None or status != self._listed:
-            self._paths = list_clouds(self.directory)
-            is_settled = status is not None and time_ns() - status[1] > _SETTLED_NS
-            self._listed = status if is_settled else None
+        """List the scans, unless the folders are as they were, and were so for a moment before."""
+        if self._listed and _status_of_folders(self._listed) == self._listed:
+            return self._paths
+        before = _status_of_folders(_folders_below(self.directory))
+        self._paths = list_clouds(self.directory)
+        if any(path.parent == self.directory for path in self._paths):  # others do not count then
+            before = {self.directory: before[self.directory]}
+        is_settled = all(time_ns() - status[1] > _SETTLED_NS for status in before.values())
+        self._listed = before if is_settled else {}
         return self._paths
 
     def _has_changed(self) -> bool:
@@ -250,6 +250,22 @@ def _is_same(pose: NDArray[np.float64] | None, before: NDArray[np.float64]) -> b
 def _status(path: Path) -> _Status:
     status = path.stat()
     return status.st_size, status.st_mtime_ns
+
+
+def _folders_below(directory: Path) -> list[Path]:
+    """List a folder and all those in it."""
+    return [Path(folder) for folder, _, _ in os.walk(directory)]
+
+
+def _status_of_folders(folders: Iterable[Path]) -> dict[Path, _Status]:
+    """Return the status of each folder that is there."""
+    found = {}
+    for folder in folders:
+        try:
+            found[folder] = _status(folder)
+        except FileNotFoundError:
+            continue
+    return found
 
 
 def _status_of_all(path: Path) -> frozenset[tuple[str, _Status]]:

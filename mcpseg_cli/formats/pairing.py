@@ -167,6 +167,8 @@ def _by_order(
     is_coming = is_growing and ahead <= _AHEAD
     if ahead and not is_coming:
         remedy = "add a scan column, or call the scans by their time stamps"
+        if len(poses) == 1 and (folder := _folder_of_poses(source)):
+            remedy = f"give {folder}, if each scan has a file of its own there"
         raise InputError(source, count, "as many, or names or times that tell", remedy)
 
     # rows in order of time, or of their numbers
@@ -189,6 +191,14 @@ def _by_order(
     return replace(
         _by_rows(scans, replace(poses, scans=None), found, told), surplus=(), order=order
     )
+
+
+def _folder_of_poses(source: Path | str) -> Path | None:
+    """Return the folder of a pose file that is one of several; None for another one."""
+    if isinstance(source, str) or not source.is_file():
+        return None
+    alike = [path for path in source.parent.iterdir() if path.suffix == source.suffix]
+    return source.parent if len(alike) > 1 else None
 
 
 def _in_order(poses: Poses) -> NDArray[np.intp]:

@@ -137,13 +137,21 @@ def _list_folder(path: Path) -> Recording:
 
 
 def _with_viewpoints(recording: Recording) -> Recording:
-    """Give scans of PCD the poses that their headers say."""
-    scans = tuple(
-        source.with_pose(pcd_pose(source.path)) if source.path.suffix.lower() == ".pcd" else source
+    """Give scans of PCD the poses that their headers say; the first may be at the origin."""
+    poses = [
+        pcd_pose(source.path) if source.path.suffix.lower() == ".pcd" else None
         for source in recording
-    )
-    if all(source.pose is None for source in scans):
+    ]
+    first = next((number for number, pose in enumerate(poses) if pose is not None), None)
+    if first is None:
         return recording
+    if all(source.path.suffix.lower() == ".pcd" for source in recording[:first]):
+        poses[:first] = [np.eye(4)] * first
+    lost = "its VIEWPOINT says none"
+    scans = tuple(
+        source.with_pose(pose, "" if pose is not None else lost)
+        for source, pose in zip(recording, poses, strict=True)
+    )
     return replace(recording, scans=scans, no_poses=None, columns="VIEWPOINT of each scan")
 
 

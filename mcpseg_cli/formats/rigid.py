@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from mcpseg_cli.errors import InputError
 
-_UNIT_TOLERANCE = 0.02  # of a quaternion's norm or a rotation matrix's columns
+UNIT_TOLERANCE = 0.02
+"""Of a quaternion's norm or a rotation matrix's columns."""
 LONGEST_GAP_NS = 500_000_000
 """Nanoseconds between two poses up to which a moment between them has a pose."""
 NEAREST_NS = 20_000_000
@@ -91,6 +92,11 @@ def between(
     return pose
 
 
+def is_lost(position: list[float], quaternion: list[float]) -> bool:
+    """Tell whether a pose is what tools write while tracking is lost: not finite, or no turn."""
+    return not np.isfinite([*position, *quaternion]).all() or not any(quaternion)
+
+
 def from_quaternion(
     path: Path, position: list[float], quaternion: list[float], name: str
 ) -> NDArray[np.float64]:
@@ -101,7 +107,7 @@ def from_quaternion(
     """
     with np.errstate(over="ignore", invalid="ignore"):
         length = float(np.linalg.norm(quaternion))
-    if not abs(length - 1) < _UNIT_TOLERANCE:
+    if not abs(length - 1) < UNIT_TOLERANCE:
         found = f"{name} has a quaternion of length {length:.3g}"
         raise InputError(path, found, "a unit quaternion qx qy qz qw", "record it again")
     pose = np.eye(4)
@@ -121,11 +127,15 @@ def check_rotations(path: Path, poses: NDArray[np.float64], name_of: Callable[[i
     Raises:
         InputError: Names the first that is none.
     """
-    rotation = poses[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        residual = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-        mirrored = np.linalg.det(rotation) < 0
-    wrong = np.flatnonzero(~(residual < _UNIT_TOLERANCE) | mirrored)
+    wrong = np.flatnonzero(~are_rotations(poses[:, :3, :3]))
     if len(wrong):
         found = f"{name_of(int(wrong[0]))} is no rotation and translation"
         raise InputError(path, found, "a 4 x 4 matrix of both", "check how it was written")
+
+
+def are_rotations(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which (P, 3, 3) matrices are rotations, but for rounding; (P,) bool."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        residual = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+        rigid: NDArray[np.bool_] = (residual < UNIT_TOLERANCE) & (np.linalg.det(matrices) > 0)
+    return rigid

@@ -13,11 +13,12 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.natural_order import natural_key
 from mcpseg_cli.formats.scan_source import check_names
 
 STATION_SUFFIXES = (".e57", ".ptx")  # files of several scans, each with its pose
-_ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing else is
+_ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing surer is: poses are .txt, too
 _RUN = "state.sqlite"  # what lies in the folder of a run
 
 
@@ -113,17 +114,29 @@ def _files_below(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     entries = [path for path in entries if path.name[0] != "."]
     files = [path for path in entries if path.is_file() and path.suffix.lower() in suffixes]
 
-    sure = [path for path in files if path.suffix.lower() not in _ALSO_OTHER_THINGS]
-    if sure or files:
-        return sure or files
+    surest = min(map(_doubt, files), default=len(_ALSO_OTHER_THINGS) + 1)
+    files = [path for path in files if _doubt(path) == surest]
+    if surest < len(_ALSO_OTHER_THINGS):
+        return files
     folders = [path for path in entries if path.is_dir() and not (path / _RUN).exists()]
-    return [path for folder in folders for path in _files_below(folder, suffixes)]
+    below = [path for folder in folders for path in _files_below(folder, suffixes)]
+    return below if min(map(_doubt, below), default=surest) < surest else files
+
+
+def _doubt(path: Path) -> int:
+    """Tell how likely a file is something else than a scan, by its ending: 0, not at all."""
+    suffix = path.suffix.lower()
+    return 1 + _ALSO_OTHER_THINGS.index(suffix) if suffix in _ALSO_OTHER_THINGS else 0
 
 
 def _instead(directory: Path) -> str:
-    """Say what is in a folder: its most frequent endings."""
+    """Say what is in a folder: its most frequent endings, and what files of the first are."""
     files = [path for path in directory.rglob("*") if path.is_file() and path.name[0] != "."]
-    endings = Counter("".join(path.suffixes[-2:]) or "without ending" for path in files)
+    ending_of = {path: "".join(path.suffixes[-2:]) or "without ending" for path in sorted(files)}
+    endings = Counter(ending_of.values())
     if not endings:
         return ", an empty folder" if not any(directory.iterdir()) else ""
-    return ", but " + ", ".join(f"{count:,} {ending}" for ending, count in endings.most_common(3))
+    counts = endings.most_common(3)
+    listed = ", ".join(f"{count:,} {ending}" for ending, count in counts)
+    first = next(path for path in ending_of if ending_of[path] == counts[0][0])
+    return f", but {listed}{recognise(first, f'; {first.name}: ')}"

@@ -37,7 +37,8 @@ def read_text(path: Path) -> Cloud:
     names: list[str] | None = None
     first = next((n for n, line in enumerate(lines) if _are_numbers(line.split())), len(lines))
     if first:
-        names = [word.lower() for word in lines[first - 1].lstrip("/#").split()]
+        words = lines[first - 1].lstrip("/#").split()
+        names = [word.strip("\"'").lower() for word in words]
     lines = lines[first:]
     count: int | None = None
     if lines and (word := lines[0].strip()).isdecimal() and len(word) <= _MOST_DIGITS:

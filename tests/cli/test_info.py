@@ -1,14 +1,27 @@
 """``mcpseg info``, and the same look in ``mcpseg segment``."""
 
 import json
+import shlex
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.formats import Cloud, read_cloud, read_measured, write_cloud
 from mcpseg_cli.segment.run_record import RunRecord
 from tests.commands import invoke, outputs_of, segment
+from tests.containers import (
+    Sweep,
+    cloud,
+    odometry,
+    pose_of,
+    sweeps_of,
+    write_e57,
+    write_mcap,
+    write_ptx,
+)
 from tests.walks import WALK, WAYS, write_walk
 
 
@@ -222,3 +235,129 @@ def test_eval_takes_labels_by_other_names(tmp_path, weights_path):
     taken = invoke("eval", tmp_path / "out", tmp_path / "gt", "--semantic-field", "mine", "--json")
     assert taken.exit_code == 0
     assert json.loads(taken.stdout)["uncovered"] == 0
+
+
+# --- recordings that hold their poses ---
+
+
+@pytest.fixture(scope="module")
+def sweeps() -> list[Sweep]:
+    return sweeps_of(WALK / "scans", WALK / "poses.csv", 6)
+
+
+def command_of(printed: str) -> list[str]:
+    """Take the command that ``mcpseg info`` prints."""
+    line = next(line for line in printed.splitlines() if line.startswith("command"))
+    return shlex.split(line)[2:]
+
+
+def bag(path, sweeps, *other):
+    return write_mcap(
+        path, [one for each in sweeps for one in (cloud(each), odometry(each))] + list(other)
+    )
+
+
+@pytest.mark.parametrize("kind", ["e57", "ptx", "mcap"])
+def test_the_frame_of_a_recording_is_its_own_and_the_command_runs(
+    tmp_path, sweeps, weights_path, kind
+):
+    write = {"e57": write_e57, "ptx": write_ptx, "mcap": bag}[kind]
+    path = write(tmp_path / f"my walk.{kind}", sweeps[:3])
+    result = invoke("info", path)
+    assert "sensor, as the recording says: points of" in result.stdout
+    words = command_of(result.stdout)
+    assert words == ["segment", str(path)]
+    labelled = invoke(*words, "-o", tmp_path / "out", "-w", weights_path)
+    assert labelled.exit_code == 0, labelled.stderr
+
+
+def test_a_single_station_is_seen_from_where_it_stands(tmp_path, sweeps):
+    path = write_e57(tmp_path / "one.e57", sweeps[:1])
+    document = json.loads(invoke("info", path, "--json").stdout)
+    assert (document["frame"], document["kind"], document["range"]) == ("sensor", "E57 file", 2.0)
+    assert document["room_height"] == pytest.approx(3.24, abs=0.1)
+
+
+def test_topics_are_chosen_as_of_segment(tmp_path, sweeps):
+    other = [cloud(each, "/other") for each in sweeps]
+    path = bag(tmp_path / "two.mcap", sweeps, *other)
+    assert "choose with --topic" in invoke("info", path).stderr
+    words = command_of(invoke("info", path, "--topic", "/points").stdout)
+    assert words == ["segment", str(path), "--topic", "/points"]
+
+
+def test_a_bag_without_poses_needs_a_file_of_them(tmp_path, sweeps):
+    path = write_mcap(tmp_path / "walk.mcap", [cloud(each) for each in sweeps])
+    assert command_of(invoke("info", path).stdout) == ["segment", str(path), "POSES"]
+
+    # as a tracker writes them: ten times as many, with a gap
+    times = [each.stamp_ns / 1e9 for each in sweeps]
+    rows = [
+        " ".join(f"{value:.9f}" for value in (time + 0.004, *each.position, *each.quaternion))
+        for time, each in zip(times[:-1], sweeps[:-1], strict=True)
+    ]
+    (tmp_path / "poses.tum").write_text("\n".join(rows) + "\n")
+    result = invoke("info", path, tmp_path / "poses.tum")
+    assert "by time, time stamps of the scans" in result.stdout
+    assert "1 scans without a pose" in result.stdout
+    words = command_of(result.stdout)
+    assert words[3:] == ["--on-error", "skip", "--frame", "sensor"]
+
+
+def test_what_a_recording_says_itself_is_not_asked_for(tmp_path, sweeps):
+    registered = [each._replace(xyz=in_map(each)) for each in sweeps]
+    path = write_e57(tmp_path / "walk.e57", registered)
+    result = invoke("segment", path, "-o", tmp_path / "out")
+    assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1)
+    assert "coincide as they are" in result.stderr
+    assert "give other poses in a file after the recording" in result.stderr
+
+
+def in_map(sweep: Sweep) -> np.ndarray:
+    pose = pose_of(sweep)
+    return (sweep.xyz @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
+
+
+def test_an_axis_that_scans_contradict_is_doubted(tmp_path, sweeps, weights_path):
+    path = write_e57(tmp_path / "walk.e57", sweeps)
+    words = ("-o", tmp_path / "out", "-w", weights_path, "--up", "y")
+    assert "z is up, not y as --up says" in invoke("segment", path, *words).stderr
+
+
+@pytest.mark.parametrize("way", ["millimetres", "y up"])
+def test_stations_in_another_unit_or_axis_are_taken_as_clouds_are(
+    tmp_path, sweeps, weights_path, way
+):
+    turned = WAYS[way](np.eye(3)).T
+    scale = np.linalg.norm(turned[0])
+    changed = [
+        each._replace(
+            xyz=(scale * each.xyz).astype(np.float32),
+            position=WAYS[way](each.position[None])[0],
+            quaternion=Rotation.from_matrix(turned / scale @ pose_of(each)[:3, :3]).as_quat(),
+        )
+        for each in sweeps[:3]
+    ]
+    options = {"millimetres": ["--scale", "0.001"], "y up": ["--up", "y"]}[way]
+    clouds = []
+    for name, which, words in (("a", sweeps[:3], []), ("b", changed, options)):
+        path = write_e57(tmp_path / f"{name}.e57", which)
+        out = tmp_path / name
+        result = invoke("segment", path, "-o", out, "-w", weights_path, "--no-check", *words)
+        assert result.exit_code == 0, result.stderr
+        clouds.append(read_cloud(out / "map.ply").xyz)
+    assert abs(len(clouds[0]) - len(clouds[1])) < 0.02 * len(clouds[0])
+    np.testing.assert_allclose(clouds[0].min(axis=0), clouds[1].min(axis=0), atol=0.02)
+    np.testing.assert_allclose(clouds[0].max(axis=0), clouds[1].max(axis=0), atol=0.02)
+
+
+def test_a_run_with_an_offset_is_scored_against_truth_where_the_recording_is(
+    tmp_path, weights_path
+):
+    walk = write_walk(tmp_path / "in", WAYS["georeferenced"], num_scans=3)
+    out = tmp_path / "out"
+    assert segment(walk, out, "-w", weights_path, "--offset", "auto").exit_code == 0
+    shutil.copytree(out / "scans", tmp_path / "gt")
+    scored = json.loads(invoke("eval", out, tmp_path / "gt", "--json").stdout)
+    assert scored["uncovered"] == 0
+    assert scored["point_accuracy"] > 0.95

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from mcpseg_cli.formats import read_cloud, write_cloud
 from mcpseg_cli.formats.recording import open_recording
 from tests.commands import invoke, outputs_of, segment
+from tests.walks import WAYS, write_walk
 
 WALK = Path(__file__).parents[2] / "examples/office_walk"
 HEADER = "scan,x,y,z,qx,qy,qz,qw"
@@ -136,3 +137,14 @@ def test_scans_at_2_hz_and_poses_at_30_hz_give_the_map_of_one_pose_a_scan(tmp_pa
     assert abs(len(first) - len(second)) <= 5
     voxels = [set(map(tuple, np.floor(xyz / 0.1).astype(int).tolist())) for xyz in (first, second)]
     assert len(voxels[0] ^ voxels[1]) <= 10
+
+
+def test_many_skipped_scans_are_counted_in_the_table(tmp_path, weights_path):
+    scans, poses = write_walk(tmp_path / "in", WAYS["metres"], num_scans=8)
+    rows = poses.read_text().splitlines()
+    poses.write_text("\n".join(rows[:3]) + "\n")
+    words = ("-o", tmp_path / "out", "-w", weights_path, "--on-error", "skip")
+    result = invoke("segment", scans, poses, *words)
+    assert result.exit_code == 0, result.stderr
+    assert "6 scans: 000002.ply, 000003.ply" in result.stdout
+    assert "6 scans without a pose" in result.stdout

@@ -294,6 +294,19 @@ def test_a_scan_in_a_gap_of_the_poses_is_refused_or_left_without(small, tmp_path
     assert [source.pose is None for source in recording] == [False] * 4 + [True]
 
 
+@pytest.mark.parametrize("lost", [[0.0, 0.0, 0.0, 0.0], [np.nan] * 4])
+def test_poses_of_lost_tracking_are_none(small, tmp_path, lost):
+    far = [
+        one._replace(stamp_ns=containers.START_NS + number * 1_000_000_000)
+        for number, one in enumerate(small)
+    ]
+    odometry = [containers.odometry(one) for one in far]
+    odometry[1] = containers.odometry(far[1]._replace(quaternion=np.array(lost)))
+    bag = write_small(tmp_path, [*odometry, *(containers.cloud(one) for one in far)])
+    recording = open_recording(bag, on_error="skip")
+    assert [source.pose is None for source in recording] == [False, True, False, False]
+
+
 def test_a_pose_file_serves_a_bag_without_poses(small, tmp_path):
     bag = write_small(tmp_path, [containers.cloud(one) for one in small])
     _, poses = containers.write_folder(tmp_path / "folder", small)

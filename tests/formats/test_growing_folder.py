@@ -230,3 +230,17 @@ def test_a_scan_that_cannot_be_read_may_change_for_some_seconds(folder, later) -
     assert not folder.may_change(source)
     os.utime(source.path)
     assert folder.is_other_now(source)
+
+
+def test_scans_that_come_into_sub_folders_later_are_found(folder, later) -> None:
+    rows = iter(range(4))
+    for name in ("run1/0.ply", "run1/1.ply", "run2/0.ply"):
+        (folder.directory / name).parent.mkdir(exist_ok=True)
+        os.utime(folder.directory, (1.0, 1.0))  # nothing new in it since long ago
+        os.utime(folder.directory / "run1", (1.0 + next(rows), 1.0))
+        add_scan(folder, name)
+        add_pose(folder, f"{name},1,2,3")
+        (ready,) = names_after(folder, later)
+        assert ready == Path(name).name
+        folder.take(folder.look()[0])
+    assert [source.name for source in folder.given] == ["run1/0.ply", "run1/1.ply", "run2/0.ply"]

@@ -9,6 +9,7 @@ import pytest
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import Cloud, Labels, read_cloud, read_measured, write_cloud
 from mcpseg_cli.formats.pcd import pcd_pose
+from mcpseg_cli.formats.recording import open_recording, read_scan
 
 XYZ = np.array([[1.0, 2, 3], [4, 5, 6], [7, 8, 9], [1, 1, 1]])
 
@@ -113,6 +114,47 @@ def test_the_viewpoint_of_pcd_is_a_pose(tmp_path):
     np.testing.assert_allclose(pose[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-6)
     assert pose[:3, 3].tolist() == [1, 2, 3]
     assert pcd_pose(pcd(tmp_path / "a.pcd", "0 0 0 1 0 0 0")) is None
+
+
+def viewpoints(folder: Path, *said: str) -> Path:
+    """Write a PCD for each viewpoint: at the origin where it is empty."""
+    folder.mkdir()
+    for number, viewpoint in enumerate(said):
+        pcd(folder / f"{number}.pcd", viewpoint or "0 0 0 1 0 0 0")
+    return folder
+
+
+def test_viewpoints_are_the_poses_where_none_are_given(tmp_path):
+    folder = viewpoints(tmp_path / "scans", "1 2 3 0.7071068 0 0 0.7071068", "2 2 3 1 0 0 0")
+    recording = open_recording(folder, None, "sensor")
+    assert recording.columns == "VIEWPOINT of each scan"
+    assert [source.pose[0, 3] for source in recording] == [1, 2]
+    scan, _ = read_scan(recording[0], "sensor", 0.1)
+    turned = np.stack([-XYZ[:, 1], XYZ[:, 0], XYZ[:, 2]], axis=1)
+    np.testing.assert_allclose(scan.xyz, turned + np.array([1, 2, 3]), atol=1e-5)
+
+
+def test_a_pose_file_counts_more_than_viewpoints(tmp_path):
+    folder = viewpoints(tmp_path / "scans", "1 2 3 1 0 0 0", "2 2 3 1 0 0 0")
+    (tmp_path / "poses.csv").write_text("scan,x,y,z\n0,7,0,0\n1,8,0,0\n")
+    recording = open_recording(folder, tmp_path / "poses.csv")
+    assert [source.pose[0, 3] for source in recording] == [7, 8]
+
+
+def test_the_first_viewpoints_may_be_the_origin_later_ones_say_none(tmp_path):
+    folder = viewpoints(tmp_path / "scans", "", "", "1 0 0 1 0 0 0", "", "2 0 0 1 0 0 0")
+    with pytest.raises(InputError, match=r"no pose for 1 of 5 scans, as 3\.pcd"):
+        open_recording(folder)
+    recording = open_recording(folder, on_error="skip")
+    assert [source.pose is None for source in recording] == [False] * 3 + [True, False]
+    np.testing.assert_array_equal(recording[1].pose, np.eye(4))
+    assert recording[3].lost == "its VIEWPOINT says none"
+
+
+def test_viewpoints_that_all_say_none_are_no_poses(tmp_path):
+    folder = viewpoints(tmp_path / "scans", "", "")
+    with pytest.raises(InputError, match="without poses"):
+        open_recording(folder)
 
 
 @pytest.mark.parametrize(

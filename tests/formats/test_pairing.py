@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.pairing import pair
-from mcpseg_cli.formats.poses import Poses
+from mcpseg_cli.formats.poses import Poses, read_poses
 
 START = 1305031102.175304
 TIMES = START + np.array([0.0, 0.036, 0.064696, 0.1, 0.136, 0.168366, 0.2, 0.224696])
@@ -310,3 +310,11 @@ def test_dense_poses_of_a_growing_recording_do_not_pair_by_order() -> None:
 def test_messages_name_the_pose_file() -> None:
     with pytest.raises(InputError, match=r"^poses/a\.tum: 3 poses for 2 scans"):
         pair(numbered(2), None, table(3), source=Path("poses/a.tum"))
+
+
+def test_one_pose_of_a_folder_of_them_is_refused_with_the_folder(tmp_path):
+    for number in range(3):
+        np.savetxt(tmp_path / f"{number}.txt", np.eye(4))
+    poses = read_poses(tmp_path / "0.txt")
+    with pytest.raises(InputError, match=rf"1 poses for 3 scans.*give {tmp_path}, if each scan"):
+        pair(["a.ply", "b.ply", "c.ply"], None, poses, source=tmp_path / "0.txt")

@@ -278,3 +278,15 @@ def test_a_pose_file_takes_the_place_of_the_poses_of_the_recording(tmp_path):
     poses.write_text(poses.read_text().replace("000000", "0").replace("000001", "1"))
     recording = open_recording(folder, poses)
     np.testing.assert_array_equal(recording[0].pose, pose_of(other))
+
+
+@pytest.mark.parametrize("lost", [0.0, float("nan")])
+def test_record3d_frames_of_lost_tracking_have_no_pose(tmp_path, lost):
+    folder = write_record3d(tmp_path / "recording", 3)
+    facts = json.loads((folder / "metadata.json").read_text())
+    facts["poses"][1] = [lost] * 7
+    (folder / "metadata.json").write_text(json.dumps(facts))
+    with pytest.raises(InputError, match=r"no pose for 1 of 3 scans, as 1\.ply"):
+        open_recording(folder)
+    recording = open_recording(folder, on_error="skip")
+    assert [source.pose is None for source in recording] == [False, True, False]

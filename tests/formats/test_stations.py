@@ -102,5 +102,5 @@ def test_stations_without_a_pose_need_a_pose_file(tmp_path):
 
 def test_a_single_cloud_is_told_from_a_recording(tmp_path: Path):
     write_cloud(tmp_path / "a.ply", Cloud({axis: np.zeros(1) for axis in "xyz"}))
-    with pytest.raises(InputError, match="a file; expected a folder of scans"):
+    with pytest.raises(InputError, match="a file; it is PLY; expected a folder of scans"):
         open_recording(tmp_path / "a.ply")

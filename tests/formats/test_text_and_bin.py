@@ -139,3 +139,43 @@ def test_clouds_without_poses_need_a_pose_file(tmp_path):
     text(tmp_path / "0.xyz", XYZ)
     with pytest.raises(InputError, match="without poses; expected a pose file"):
         open_recording(tmp_path)
+
+
+def test_a_folder_of_other_files_is_told_by_what_the_first_is(tmp_path):
+    for name in ("a.dat", "b.dat", "c.txt~"):
+        (tmp_path / name).write_bytes(b"ASTM-E57" + bytes(40))
+    with pytest.raises(InputError, match=r"but 2 \.dat, 1 \.txt~; a\.dat: it is E57; expected"):
+        list_clouds(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a.e57", "a.ptx", "a.mcap", "a.bag", "a.db3", "a.las"])
+def test_a_file_that_is_something_else_is_recognised(tmp_path, name):
+    (tmp_path / name).write_bytes(b"ply\nformat ascii 1.0\n" + bytes(200))
+    with pytest.raises(InputError, match="it is PLY"):
+        open_recording(tmp_path / name)
+
+
+def test_quoted_names_are_read_as_pdal_writes_them(tmp_path):
+    head = '"X","Y","Z","Intensity","Red","Green","Blue"'
+    (tmp_path / "a.txt").write_text(head + "\n1,2,3,0.5,255,128,0\n4,5,6,0.5,9,8,7\n")
+    cloud = read_cloud(tmp_path / "a.txt")
+    np.testing.assert_array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(cloud.rgb, [[255, 128, 0], [9, 8, 7]])
+
+
+@pytest.mark.parametrize(
+    ("files", "scans"),
+    [
+        (("poses.txt", "calib.txt", "velodyne/0.bin", "velodyne/1.bin"), ["0.bin", "1.bin"]),
+        (("poses.txt", "run1/0.ply", "run1/times.txt"), ["0.ply"]),
+        (("times.txt", "0.bin", "1.bin"), ["0.bin", "1.bin"]),
+        (("times.txt", "0.bin", "1.ply"), ["1.ply"]),
+        (("0.txt", "1.txt", "notes/2.txt"), ["0.txt", "1.txt"]),
+        (("0.bin", "old/1.ply"), ["0.bin"]),
+    ],
+)
+def test_text_that_lies_beside_scans_is_none(tmp_path, files, scans):
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [path.name for path in list_clouds(tmp_path)] == scans

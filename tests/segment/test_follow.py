@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from tests.commands import MOST_S, invoke, num_events, outputs_of, segment, start, wait_until
 from tests.growing import write_growing
+from tests.walks import WAYS, write_walk
 
 NUM_SCANS = 9
 RATE_HZ = 20.0
@@ -109,3 +111,33 @@ def test_options_that_make_no_sense_together_are_wrong_usage(
 ):
     result = segment(recording, tmp_path / "out", "-w", weights_path, *options)
     assert result.exit_code == 2
+
+
+def test_a_followed_recording_is_taken_as_its_unit_and_place_say(tmp_path, weights_path):
+    words = ("--scale", "0.001", "--offset", "auto")
+    scans, poses = write_walk(
+        tmp_path / "in", lambda xyz: 1000 * WAYS["georeferenced"](xyz), num_scans=4
+    )
+    (tmp_path / "growing/scans/run1").mkdir(parents=True)
+    written = (tmp_path / "growing/scans", tmp_path / "growing/poses.csv")
+
+    def write() -> None:
+        for number, path in enumerate(sorted(scans.iterdir())):
+            folder = written[0] / f"run{1 + number // 2}"
+            folder.mkdir(exist_ok=True)
+            shutil.copy(path, folder)
+            time.sleep(0.1)
+
+    shutil.copy(poses, written[1])
+    writer = threading.Thread(target=write)
+    writer.start()
+    out = tmp_path / "out"
+    result = segment(written, out, "-w", weights_path, "--follow", "--idle", "1", "--json", *words)
+    writer.join()
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["scans"] == 4
+    after = segment(written, tmp_path / "after", "-w", weights_path, *words)
+    assert after.exit_code == 0, after.stderr
+    names = ["map.ply", *(f"scans/run{1 + n // 2}/{n:06d}.ply" for n in range(4))]
+    for name in names:
+        assert (out / name).read_bytes() == (tmp_path / "after" / name).read_bytes()

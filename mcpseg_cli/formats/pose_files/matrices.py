@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
-
-UNIT_TOLERANCE = 0.02
-"""Of a quaternion's norm or a rotation matrix's columns."""
+from mcpseg_cli.formats.rigid import UNIT_TOLERANCE, are_rotations
 
 Lost = dict[int, str]
 
@@ -106,11 +104,7 @@ def from_matrices(
 
 def are_rigid(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which (P, 12) rows are a rotation, but for rounding, and a translation; (P,) bool."""
-    rotation = rows.reshape(-1, 3, 4)[:, :, :3]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        residual = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-        rigid: NDArray[np.bool_] = (residual < UNIT_TOLERANCE) & (np.linalg.det(rotation) > 0)
-    return rigid
+    return are_rotations(rows.reshape(-1, 3, 4)[:, :, :3])
 
 
 def are_unit(quaternion: NDArray[np.float64]) -> bool:

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.magic import recognise
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -36,7 +37,8 @@ def read_text(path: Path) -> str:
     data = path.read_bytes()
     text = data.decode(_encoding(data), errors="replace")
     if "\0" in text:
-        found = "a ZIP or Excel file" if data.startswith(_ZIP) else "binary data"
+        binary = f"binary data{recognise(path, '; ')}"
+        found = "a ZIP or Excel file" if data.startswith(_ZIP) else binary
         expected = "a text table of poses (CSV, TUM or KITTI)"
         raise InputError(path, found, expected, "give the pose file second, exported as text")
     return text

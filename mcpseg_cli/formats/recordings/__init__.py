@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.scan_files import STATION_SUFFIXES
 from mcpseg_cli.formats.scan_source import Recording, TopicChoice
 
@@ -53,7 +54,8 @@ def _open_file(path: Path, topics: TopicChoice) -> Recording:
     expected = (
         f"a folder of scans, or a file ending in {', '.join((*STATION_SUFFIXES, *_BAG_SUFFIXES))}"
     )
-    raise InputError(path, "a file", expected, "name the folder that it lies in")
+    remedy = "name the folder that it lies in"
+    raise InputError(path, f"a file{recognise(path, '; ')}", expected, remedy)
 
 
 def _has_clouds(path: Path) -> bool:

@@ -14,7 +14,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings import ros_messages as ros
 from mcpseg_cli.formats.recordings.bag_files import BagFiles, RawMessage, Topic
 from mcpseg_cli.formats.recordings.transforms import ROBOT_FRAMES, TransformTree
-from mcpseg_cli.formats.rigid import Trajectory, from_quaternion
+from mcpseg_cli.formats.rigid import Trajectory, from_quaternion, is_lost
 
 _TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _ODOMETRY = "nav_msgs/msg/Odometry"
@@ -157,7 +157,8 @@ class PoseTopics:
             pose = self._pose(one.transform.translation, one.transform.rotation, raw.topic)
             time_ns = ros.time_ns(one.header.stamp) or raw.time_ns
             parent, child = one.header.frame_id, one.child_frame_id
-            self._tree.add(parent, child, time_ns, pose, is_fixed=is_fixed)
+            if pose is not None:
+                self._tree.add(parent, child, time_ns, pose, is_fixed=is_fixed)
 
     def _add_poses(self, topic: Topic, message: object, raw: RawMessage) -> None:
         """Add what one message of poses tells; a path is told anew by each message."""
@@ -182,8 +183,11 @@ class PoseTopics:
             self._append(topic, header.frame_id, child, time_ns, pose)
 
     def _append(
-        self, topic: Topic, parent: str, child: str, time_ns: int, pose: NDArray[np.float64]
+        self, topic: Topic, parent: str, child: str, time_ns: int, pose: NDArray[np.float64] | None
     ) -> None:
+        """Add a pose to the track of a topic, unless it is that of lost tracking."""
+        if pose is None:
+            return
         new = _Track(parent.lstrip("/"), child.lstrip("/"), [], [])
         track = self._tracks.setdefault(topic.name, new)
         if (track.parent, track.child) != (new.parent, new.child):
@@ -192,8 +196,11 @@ class PoseTopics:
         track.times_ns.append(time_ns)
         track.poses.append(pose)
 
-    def _pose(self, place: _Vector, turn: _Quaternion, topic: str) -> NDArray[np.float64]:
+    def _pose(self, place: _Vector, turn: _Quaternion, topic: str) -> NDArray[np.float64] | None:
+        """Build a pose; None while tracking was lost."""
         position, quaternion = [place.x, place.y, place.z], [turn.x, turn.y, turn.z, turn.w]
+        if is_lost(position, quaternion):
+            return None
         return from_quaternion(self._path, position, quaternion, f"a pose of {topic}")
 
     def route(self, frame: str) -> Route:

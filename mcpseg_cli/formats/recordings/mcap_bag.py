@@ -30,6 +30,7 @@ from rosbags.typesys.store import Typestore
 from zstandard import ZstdError
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.bag_chunks import unpack_lz4, unpack_zstd
 from mcpseg_cli.formats.recordings.bag_files import (
     NOT_DECODED,
@@ -155,9 +156,8 @@ class McapBag:
         """Iterate over the records of a file's data and where they begin, as far as it is whole."""
         with path.open("rb") as file:
             if file.read(len(_MAGIC)) != _MAGIC:
-                raise InputError(
-                    path, "no MCAP by its first bytes", "an MCAP file", "copy it again"
-                )
+                found = f"no MCAP by its first bytes{recognise(path, '; ')}"
+                raise InputError(path, found, "an MCAP file", "copy it again")
             while True:
                 offset = file.tell()
                 try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings.depth_frames import Camera, DepthFrame, Layout, read_depth
 from mcpseg_cli.formats.recordings.rgbd import colours_of, images_of, read_numbers
-from mcpseg_cli.formats.rigid import from_quaternion
+from mcpseg_cli.formats.rigid import from_quaternion, is_lost
 from mcpseg_cli.formats.scan_source import Recording
 
 _MM = 1000.0
@@ -65,8 +65,8 @@ def open_record3d(path: Path) -> Recording | None:
 
 def _facts(
     file: Path, facts: dict[str, object]
-) -> tuple[list[NDArray[np.float64]], NDArray[np.float64], float]:
-    """Take poses, the matrix (3, 3) of the colour camera and its width from the metadata."""
+) -> tuple[list[NDArray[np.float64] | None], NDArray[np.float64], float]:
+    """Take poses, None where tracking was lost; the colour camera's matrix (3, 3) and width."""
     try:
         rows = np.array(facts["poses"], np.float64).reshape(-1, 7)
         matrix = np.array(facts["K"], np.float64).reshape(3, 3).T
@@ -77,7 +77,9 @@ def _facts(
         found = f"poses or K that are none ({error})"
         raise InputError(file, found, "7 numbers a pose, 9 of K", "export again") from error
     poses = [
-        _Z_UP
+        None
+        if is_lost(row[4:].tolist(), row[:4].tolist())
+        else _Z_UP
         @ from_quaternion(file, row[4:].tolist(), row[:4].tolist(), f"pose {number}")
         @ _FORWARD
         for number, row in enumerate(rows)
@@ -136,7 +138,7 @@ def _odometry(file: Path) -> dict[str, tuple[float | None, NDArray[np.float64]]]
         except (KeyError, TypeError, ValueError) as error:
             found = f"line {number + 2}: {error}"
             raise InputError(file, found, "timestamp, frame, x … qw", "export again") from error
-        if np.isfinite([*position, *quaternion]).all():
+        if not is_lost(position, quaternion):
             pose = from_quaternion(file, position, quaternion, f"line {number + 2}")
             poses[(row.get("frame") or f"{number:06d}").strip()] = (stamp, _Z_UP @ pose)
     return poses

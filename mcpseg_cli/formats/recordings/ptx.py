@@ -13,6 +13,7 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.stations import station_names
 from mcpseg_cli.formats.rigid import check_rotations
 from mcpseg_cli.formats.text_cloud import parse_numbers
@@ -117,9 +118,8 @@ def _skip_station(path: Path, file: BinaryIO, first: bytes) -> tuple[NDArray[np.
         if [len(row) for row in rows] != [3] * 4 + [4] * 4:
             raise ValueError("other numbers than 3 and 4 a line")
     except ValueError as error:
-        raise InputError(
-            path, f"no header of a station ({error})", _WHOLE, "export again"
-        ) from error
+        found = f"no header of a station ({error}){recognise(path, '; ')}"
+        raise InputError(path, found, _WHOLE, "export again") from error
     check_rotations(path, pose[None], lambda _: "a station's matrix")
 
     begin = file.tell()

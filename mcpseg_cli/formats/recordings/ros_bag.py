@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.bag_chunks import unpack_bz2, unpack_lz4
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
 
@@ -54,6 +55,9 @@ class RosBag:
             self._reader = AnyReader(files, default_typestore=_usual_types())
             self._reader.open()
         except _DAMAGE as error:
+            other = next((kind for one in files if (kind := _other_kind(one))), "")
+            if other:
+                raise InputError(path, f"no bag{other}", "a ROS bag", "rename it") from error
             raise _refusal(path, error) from error
         finalize(self, self._reader.close)
         for one in self._reader.readers:
@@ -119,3 +123,9 @@ def _refusal(path: Path, error: BaseException) -> InputError:
     said = " ".join(str(error).split())[:120] or type(error).__name__
     remedy = "run 'rosbag reindex' on it" if "index" in said.lower() else "copy or record it again"
     return InputError(path, f"rosbags: {said}", "a whole ROS bag", remedy)
+
+
+def _other_kind(file: Path) -> str:
+    """Say what a file is by its first bytes, if that is no bag."""
+    kind = recognise(file, "; ")
+    return "" if "bag" in kind else kind

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.scan_source import ScanSource
 
 _E57_MAGIC = b"ASTM-E57"
@@ -28,7 +29,8 @@ def open_stations(path: Path) -> Sequence[ScanSource]:
         return list_ptx(path)
     with path.open("rb") as file:
         if file.read(len(_E57_MAGIC)) != _E57_MAGIC:
-            raise InputError(path, "no E57 by its first bytes", "an E57 file", "export it again")
+            found = f"no E57 by its first bytes{recognise(path, '; ')}"
+            raise InputError(path, found, "an E57 file", "export it again")
     try:
         from mcpseg_cli.formats.recordings.e57_stations import list_e57
     except ModuleNotFoundError as error:

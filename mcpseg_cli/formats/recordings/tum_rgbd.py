@@ -10,7 +10,7 @@ import numpy as np
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recordings.depth_frames import Camera, DepthFrame, Layout
 from mcpseg_cli.formats.recordings.rgbd import read_intrinsics
-from mcpseg_cli.formats.rigid import NEAREST_NS, Trajectory, from_quaternion
+from mcpseg_cli.formats.rigid import NEAREST_NS, Trajectory, from_quaternion, is_lost
 from mcpseg_cli.formats.scan_source import Recording
 
 _PER_METRE = 5000.0
@@ -89,7 +89,7 @@ def _poses(path: Path) -> Trajectory | None:
         except ValueError as error:
             found, expected = f"line {number}: {error}", "timestamp tx ty tz qx qy qz qw"
             raise InputError(path, found, expected, "mend the line") from error
-        if np.isfinite(values).all():
+        if not is_lost(values[:3], values[3:]):
             times.append(_time_ns(path, number, words[0]))
             poses.append(from_quaternion(path, values[:3], values[3:], f"line {number}"))
     if not poses:
