@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import Architecture, Augmentation, Schedule, TrainPrecision
-from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet
+from mcpseg_cli.choices import Architecture, Augmentation, Engine, Schedule, TrainPrecision
+from mcpseg_cli.cli.options import Device, Jobs, Json, Overwrite, Quiet, number_of_jobs
+from mcpseg_cli.cli.recordings import run_all, words_of
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
@@ -20,7 +21,12 @@ if TYPE_CHECKING:
     from mcpseg_cli.train.ranks import Ranks
 
 
+_OF_SAMPLES = {"net", "context", "local_range", "config", "classes", "weights", "seed"}
+"""What decides the samples of an area, by parameter."""
+
+
 def train(
+    command: typer.Context,
     data: Annotated[
         Path,
         typer.Argument(
@@ -113,6 +119,22 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue what was interrupted; skip what is done.")
     ] = False,
+    engine: Annotated[
+        Engine | None,
+        typer.Option(
+            help="Prepare areas side by side: -j processes of a thread each, or the workers of a "
+            "Dask cluster."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
+    ] = None,
+    prepare: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AREA", help="Prepare the samples of this area, named below DATA, and end."
+        ),
+    ] = None,
     tensorboard: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Log curves for TensorBoard.")
     ] = None,
@@ -199,6 +221,11 @@ def train(
     folds = make_folds(areas, holdout, data)
     if name is not None and (len(folds) > 1 or Path(name).name != name):
         raise typer.BadParameter("--name is a file name, for one fold")
+    if (engine == "dask") != (scheduler is not None):
+        raise typer.BadParameter("--engine dask and --scheduler ADDRESS go together")
+    chosen = [area for area in areas if area.name == prepare]
+    if prepare is not None and not chosen:
+        raise typer.BadParameter(f"--prepare {prepare}: none of the areas in {data}")
 
     from mcpseg_cli.cli.train_task import TaskOptions, TrainTask
     from mcpseg_cli.networks.device import use_threads
@@ -233,6 +260,26 @@ def train(
     )
     request = DataSettings(samples, parts[augment], file.windows, mapping, cache)
     task = TrainTask(settings, request, initial, _ranks(), device, options)
+    if chosen:
+        task.prepare(chosen)
+        return
+    if engine is not None and _ranks().rank == 0:
+        used = {area for fold in folds for area in (*fold.training, *fold.validation)}
+        words = words_of(
+            command, {each.name or "" for each in command.command.params} - _OF_SAMPLES
+        )
+        words += [] if cache is None else ["--cache", str(cache.resolve())]
+        commands = [
+            (
+                "train", str(data.resolve()), "--holdout", "none", *words,
+                "--prepare", area.name, "-j", "1", "--quiet",
+            )
+            for area in areas if area in used
+        ]  # fmt: skip
+        num_jobs = min(number_of_jobs(jobs), len(commands))
+        run_all(
+            commands, "prepare samples", engine, scheduler, jobs=num_jobs, quiet=quiet or as_json
+        )
     names = [name or f"{settings.architecture}-{fold.label}" for fold in folds]
     task.run(
         areas,

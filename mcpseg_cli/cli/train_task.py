@@ -102,7 +102,7 @@ class TrainTask:
 
             # what cannot be trained is refused before anything is
             used = {area for fold, _ in folds for area in (*fold.training, *fold.validation)}
-            prepared = self._prepare([area for area in areas if area in used])
+            prepared = self.prepare([area for area in areas if area in used])
             runs = [self._make_run(fold, files, prepared) for fold, files in folds]
             if self.options.overwrite and self.is_first:
                 for _, files in folds:
@@ -124,8 +124,16 @@ class TrainTask:
             self._say_how_to_continue(run)
             raise typer.Exit(130)
 
-    def _prepare(self, areas: Sequence[Area]) -> Mapping[Area, AreaSamples]:
-        """Prepare samples under a progress bar, in the first process; the others find them."""
+    def prepare(self, areas: Sequence[Area]) -> Mapping[Area, AreaSamples]:
+        """Prepare samples under a progress bar, in the first process; the others find them.
+
+        Args:
+            areas: Those whose samples are needed.
+
+        Raises:
+            McpsegError: An area that cannot be used.
+            OSError: A file cannot be read, or the disk is full.
+        """
         if not self.is_first:
             self.ranks.wait()
 

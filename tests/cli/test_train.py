@@ -73,6 +73,27 @@ def test_loss_falls_and_the_files_are_there(trained):
     ]
 
 
+def test_areas_prepared_side_by_side_give_the_same_samples_and_weights(tmp_path):
+    found = {}
+    for name, words in (("one", []), ("two", ["--engine", "processes", "--cache", tmp_path / "c"])):
+        data = tmp_path / name
+        write_area(data / "Area_1", 4, seed=1)
+        write_area(data / "more" / "Area_2", 4, seed=2)
+        result = train(*arguments(data, tmp_path / f"{name}_trained", "--epochs", "1", *words))
+        assert result.exit_code == 0, result.stderr
+        found[name] = (tmp_path / f"{name}_trained" / "mcpnet-holdout2.safetensors").read_bytes()
+    assert found["one"] == found["two"]
+    assert len(list((tmp_path / "c").glob("*.h5"))) == 2
+
+
+def test_one_area_can_be_prepared_and_no_other_is(data, tmp_path):
+    words = (data, "--holdout", "none", *SMALL, "--cache", tmp_path, "--prepare")
+    assert train(*words, "more/Area_2").exit_code == 0
+    (made,) = tmp_path.glob("*.h5")
+    assert made.name.startswith("more-Area_2-")
+    assert train(*words, "Area_7").exit_code == 2
+
+
 def test_the_card_says_what_the_weights_are(trained):
     weights = load_weights(trained / "mcpnet-holdout2.safetensors")
     card = (trained / "mcpnet-holdout2.md").read_text()
