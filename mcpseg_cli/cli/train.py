@@ -119,22 +119,9 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue what was interrupted; skip what is done.")
     ] = False,
-    engine: Annotated[
-        Engine | None,
-        typer.Option(
-            help="Prepare areas side by side: -j processes of a thread each, or the workers of a "
-            "Dask cluster."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT.")
-    ] = None,
-    prepare: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AREA", help="Prepare the samples of this area, named below DATA, and end."
-        ),
-    ] = None,
+    engine: Annotated[Engine | None, typer.Option(hidden=True)] = None,
+    scheduler: Annotated[str | None, typer.Option(hidden=True)] = None,
+    prepare: Annotated[str | None, typer.Option(hidden=True)] = None,
     tensorboard: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Log curves for TensorBoard.")
     ] = None,
@@ -164,6 +151,10 @@ def train(
       grey = 0.0
       [checkpoint]
       minutes = 30.0          # from one to the next within an epoch; keep = true: also when done
+
+    Areas are prepared one after another; with --engine processes some at a time, as many as --jobs
+    says, and with --engine dask --scheduler tcp://HOST:PORT by the workers of a Dask cluster.
+    --prepare AREA prepares one and ends.
 
     \b
     A class table, or the table [classes] of a settings file, says which labels of the data mean
