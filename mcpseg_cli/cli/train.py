@@ -119,9 +119,17 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue what was interrupted; skip what is done.")
     ] = False,
-    engine: Annotated[Engine | None, typer.Option(hidden=True)] = None,
-    scheduler: Annotated[str | None, typer.Option(hidden=True)] = None,
-    prepare: Annotated[str | None, typer.Option(hidden=True)] = None,
+    engine: Annotated[
+        Engine | None, typer.Option(hidden=True, help="Prepare areas side by side.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(hidden=True, metavar="ADDRESS", help="Of --engine dask: tcp://HOST:PORT."),
+    ] = None,
+    prepare: Annotated[
+        str | None,
+        typer.Option(hidden=True, metavar="AREA", help="Prepare this area's samples, and end."),
+    ] = None,
     tensorboard: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Log curves for TensorBoard.")
     ] = None,
