@@ -168,9 +168,10 @@ def test_two_processes_train_what_one_trains_with_twice_the_batches(data, tmp_pa
     words = arguments(data, tmp_path / "two", *options)
     launch = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     launch += ["-m", "mcpseg_cli", "train"]
-    subprocess.run(
-        [sys.executable, *launch, *words], check=True, capture_output=True, timeout=MOST_S
+    run = subprocess.run(
+        [sys.executable, *launch, *words], capture_output=True, text=True, timeout=MOST_S
     )
+    assert run.returncode == 0, run.stderr
     config = write_config(tmp_path, "[train]\nbatches_per_step = 2\n")
     result = train(*arguments(data, tmp_path / "one", *options, "--config", config))
     assert result.exit_code == 0, result.stderr
