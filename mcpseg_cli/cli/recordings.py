@@ -148,13 +148,10 @@ def segment_recordings(
 
 def _is_only_merged(output: Path) -> bool:
     """Tell whether a folder has a merge to which no scan was added: it can be made again."""
-    from mcpseg_cli.segment.checkpoint import State
+    from mcpseg_cli.segment.folder import kept_state
 
-    path = output / "state.sqlite"
-    if not path.is_file() or not path.stat().st_size:
-        return False
-    with State(path) as state:
-        scans = state.scans()
+    with kept_state(output) as state:
+        scans = [] if state is None else state.scans()
     return bool(scans) and all(scan.is_merged for scan in scans)
 
 

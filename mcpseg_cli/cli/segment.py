@@ -7,7 +7,6 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,7 +37,6 @@ from mcpseg_cli.cli.intake_options import (
     Up,
 )
 from mcpseg_cli.cli.interrupt import Interrupt
-from mcpseg_cli.cli.memory import peak_memory_mb
 from mcpseg_cli.cli.options import (
     Device,
     Jobs,
@@ -50,12 +48,12 @@ from mcpseg_cli.cli.options import (
     WeightsName,
 )
 from mcpseg_cli.cli.recordings import segment_recordings, words_of
+from mcpseg_cli.cli.segment_summary import Tally, document, num_pending, print_summary
 from mcpseg_cli.cli.settings import settings_of
 
 if TYPE_CHECKING:
     from mcpseg_cli.cli.first_look import Taken
     from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
-    from mcpseg_cli.evaluate.scan_by_scan import Latency
     from mcpseg_cli.export.live_map import LiveMap
     from mcpseg_cli.formats.recording import Recording
     from mcpseg_cli.incremental.column import Memory
@@ -66,7 +64,6 @@ if TYPE_CHECKING:
 _OF_RECORDINGS = (
     "recordings", "engine", "scheduler", "jobs", "output", "overwrite", "as_json", "quiet", "rerun",
 )  # fmt: skip
-_NAMED = 5  # skipped scans in the summary; run.json and --json name all
 _FEW_POINTS = 0.05  # share of points in range below which poses and scans hardly belong together
 
 
@@ -220,7 +217,7 @@ def segment(
         typer.Option(
             metavar="TABLE",
             is_eager=True,
-            help="Instead of SCANS and POSES, many recordings: a CSV with a header of scans, poses "
+            help="Instead of RECORDING, many recordings: a CSV with a header of scans, poses "
             "and, if wanted, transform, settings, name. Each gets its map in OUT/recordings/, "
             "and OUT their merge.",
         ),
@@ -350,11 +347,11 @@ def segment(
         _warn_of_far_points(tally, settings.local_range, quiet=quiet)
 
         if as_json:
-            typer.echo(json.dumps(_document(run, opened, tally)))
+            typer.echo(json.dumps(document(run, opened, tally)))
         elif not quiet:
-            _print_summary(run, opened, tally, taken, range_from=found, verbose=verbose)
+            print_summary(run, opened, tally, taken, range_from=found, verbose=verbose)
 
-    if interrupt.asked and (pending := _num_pending(run)):
+    if interrupt.asked and (pending := num_pending(run)):
         _tell_how_to_continue(len(opened) - pending, len(opened))
         raise typer.Exit(130)
     _check_labelled(run, recording)
@@ -466,13 +463,13 @@ def _label_pending(
     *,
     quiet: bool,
     show_progress: bool,
-) -> _Tally:
+) -> Tally:
     """Label the pending scans under a progress bar; the inventory is written whatever ends it."""
     import numpy as np
 
     from mcpseg_cli.cli.display import notice, progress_bar
 
-    tally = _Tally()
+    tally = Tally()
     if live:
         live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
 
@@ -497,7 +494,7 @@ def _label_pending(
     return tally
 
 
-def _warn_of_far_points(tally: _Tally, local_range: float, *, quiet: bool) -> None:
+def _warn_of_far_points(tally: Tally, local_range: float, *, quiet: bool) -> None:
     """Say when the poses hardly belong to the scans."""
     from mcpseg_cli.cli.display import notice
 
@@ -514,126 +511,3 @@ def _tell_how_to_continue(done: int, total: int) -> None:
 
     again = shlex.join(["mcpseg", *(word for word in sys.argv[1:] if word != "--overwrite")])
     notice(f"mcpseg: interrupted after {done:,} of {total:,} scans; continue with: {again}")
-
-
-@dataclass
-class _Tally:
-    """What this run did."""
-
-    ms: list[float] = field(default_factory=list)
-    warm_up_ms: list[float] = field(default_factory=list)
-    stages: list[dict[str, float]] = field(default_factory=list)
-    points: int = 0
-    points_labelled: int = 0
-    points_unmeasured: int = 0
-
-    def add(self, report: ScanReport) -> None:
-        self.points += report.num_points
-        self.points_unmeasured += report.num_unmeasured
-        if report.update is not None:
-            self.points_labelled += int((report.update.point_ids >= 0).sum())
-            (self.warm_up_ms if report.is_first else self.ms).append(report.ms)
-            self.stages.append(report.update.ms)
-
-    def latency(self) -> Latency | None:
-        """Summarise the milliseconds per scan, the first one apart."""
-        from mcpseg_cli.evaluate.scan_by_scan import Latency
-
-        return Latency.of(self.ms, self.warm_up_ms)
-
-    def stage_medians(self) -> dict[str, float]:
-        """Give the median milliseconds of each stage."""
-        from statistics import median
-
-        stages = self.stages[0] if self.stages else {}
-        return {stage: median(ms[stage] for ms in self.stages) for stage in stages}
-
-
-def _document(run: SegmentRun, recording: Recording, tally: _Tally) -> dict[str, object]:
-    """Say what a run did, by name."""
-    latency = tally.latency()
-    return {
-        "scans": len(run.records),
-        "pending": _num_pending(run),
-        "voxels": len(run.segmenter.map),
-        "objects": run.segmenter.clusters.num_objects,
-        "points": tally.points,
-        "points_labelled": tally.points_labelled,
-        "points_left_out": tally.points_unmeasured,
-        "skipped": _skipped(run),
-        "pairing": recording.pairing_as_json(),
-        "ms_per_scan": latency and _rounded(asdict(latency)),
-        "ms_by_stage": {stage: round(value, 3) for stage, value in tally.stage_medians().items()},
-        "peak_memory_mb": round(peak_memory_mb(), 1),
-        "resumed_from": run.resumed_from,
-        "precision": run.segmenter.precision,
-        "output": str(run.output),
-    }
-
-
-def _print_summary(
-    run: SegmentRun,
-    recording: Recording,
-    tally: _Tally,
-    taken: Taken,
-    *,
-    range_from: str,
-    verbose: bool,
-) -> None:
-    """Print what a run did as a table."""
-    from mcpseg_cli.cli.display import print_table
-
-    # scans
-    before = f" ({run.resumed_from:,} of them before)" if run.resumed_from else ""
-    rows = [("scans", f"{len(run.records):,}{before}")]
-    if pending := _num_pending(run):
-        rows.append(("still to do", f"{pending:,}"))
-    if skipped := _skipped(run):
-        rows.append(("skipped", _shortened(skipped)))
-    rows += [("poses", recording.columns), ("paired", recording.told)]
-
-    # how they were taken
-    if tally.points_unmeasured:
-        why = "no coordinates, no return, withheld or noise"
-        rows.append(("points left out", f"{tally.points_unmeasured:,}: {why}"))
-    if not taken.intake.is_plain:
-        rows.append(("coordinates", taken.intake.describe()))
-    if taken.about_colour:
-        rows.append(("colour", taken.about_colour))
-
-    # the map
-    rows.append(("range", f"{run.segmenter.settings.local_range:g} m, {range_from}"))
-    if tally.points:
-        rows.append(("points labelled", f"{tally.points_labelled:,} of {tally.points:,}"))
-    rows.append(("voxels", f"{len(run.segmenter.map):,}"))
-    rows.append(("objects", f"{run.segmenter.clusters.num_objects:,}"))
-
-    # time and memory
-    if latency := tally.latency():
-        rows.append(("ms per scan", latency.text()))
-    rows.append(("peak memory", f"{peak_memory_mb():,.0f} MB"))
-    rows.append(("map", str(run.output / "map.ply")))
-    if verbose:
-        medians = tally.stage_medians().items()
-        rows += [(f"median ms {stage}", f"{value:.2f}") for stage, value in medians]
-    print_table(rows)
-
-
-def _num_pending(run: SegmentRun) -> int:
-    """Count the scans that are still to be labelled."""
-    return len(run.pending) + run.resumed_from - len(run.records)
-
-
-def _skipped(run: SegmentRun) -> list[str]:
-    """Name the scans that could not be read."""
-    return [record.name for record in run.records if record.error is not None]
-
-
-def _shortened(names: list[str]) -> str:
-    """List names; count them where there are many."""
-    listed = ", ".join(names[:_NAMED])
-    return listed if len(names) <= _NAMED else f"{len(names):,} scans: {listed}, …"
-
-
-def _rounded(values: dict[str, float | None]) -> dict[str, float | None]:
-    return {name: value and round(value, 3) for name, value in values.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_m
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.natural_order import natural_key
-from mcpseg_cli.formats.scan_source import check_names
+from mcpseg_cli.formats.scan_source import Placeable, check_names
 
 STATION_SUFFIXES = (".e57", ".ptx")  # files of several scans, each with its pose
 _ALSO_OTHER_THINGS = (".bin", ".txt")  # scans only where nothing surer is: poses are .txt, too
@@ -23,7 +23,7 @@ _RUN = "state.sqlite"  # what lies in the folder of a run
 
 
 @dataclass(frozen=True)
-class ScanFile:
+class ScanFile(Placeable):
     """One scan of a recording that is a file of its own.
 
     Attributes:
@@ -47,14 +47,6 @@ class ScanFile:
         """Its path below the recording: a file name, or ``run1/000000.ply``."""
         folder = self.path.parent if self.folder is None else self.folder
         return self.path.relative_to(folder).as_posix()
-
-    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> ScanFile:
-        """Return the same scan with another pose, or with none and why."""
-        return replace(self, pose=pose, lost=lost)
-
-    def in_frame(self, frame: Frame) -> ScanFile:
-        """Return the same scan, known to be in a frame."""
-        return replace(self, frame=frame)
 
     def read(self) -> Cloud:
         """Read its points, see ``read_measured``."""

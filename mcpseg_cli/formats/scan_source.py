@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, overload
+from typing import Protocol, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,18 @@ class ScanSource(Protocol):
         Raises:
             OSError: It cannot be read.
         """
+
+
+class Placeable:
+    """What scans that are dataclasses, with a pose, ``lost`` and a frame, have in common."""
+
+    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> Self:
+        """Return the same scan with another pose, or with none and why."""
+        return replace(self, pose=pose, lost=lost)  # type: ignore[type-var]
+
+    def in_frame(self, frame: Frame) -> Self:
+        """Return the same scan, known to be in a frame."""
+        return replace(self, frame=frame)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.poses import Poses
+from mcpseg_cli.formats.rigid import between
 from mcpseg_cli.formats.time_stamps import Reading
 
 _SAME_S = 1e-4  # seconds that rounding may make of one moment
@@ -148,13 +148,8 @@ def _can_interpolate(near: list[int], time: float, poses: Poses, max_gap: float)
 
 
 def _between(poses: Poses, before: int, time: float) -> NDArray[np.float64]:
-    """Interpolate between a pose and the next: positions along the line, turns about one axis."""
+    """Interpolate between a pose and the next."""
     assert poses.stamps is not None
     first, second = poses.poses[before], poses.poses[before + 1]
     start, end = poses.stamps[before], poses.stamps[before + 1]
-    share = (time - start) / (end - start)
-    turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
-    pose = np.eye(4)
-    pose[:3, :3] = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
-    pose[:3, 3] = (1 - share) * first[:3, 3] + share * second[:3, 3]
-    return pose
+    return between(first, second, (time - start) / (end - start))

@@ -29,7 +29,7 @@ from mcpseg_cli.merge.spool import Column, Spool
 from mcpseg_cli.merge.united_column import EvidenceBlocks, UnitedColumn
 from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.segment.checkpoint import State
-from mcpseg_cli.segment.folder import clear_run, prepare_empty
+from mcpseg_cli.segment.folder import clear_run, kept_state, prepare_empty
 from mcpseg_cli.segment.map_ply import LabelledMap
 from mcpseg_cli.segment.outputs import Outputs
 from mcpseg_cli.segment.run_record import RunOptions
@@ -151,10 +151,9 @@ def _summary(
 
 def _kept(output: Path, parts: list[PartMap]) -> tuple[int, int] | None:
     """Count voxels and objects of a folder that has just this merge; None for any other."""
-    path = output / "state.sqlite"
-    if not path.is_file() or not path.stat().st_size:
-        return None
-    with State(path) as state:
+    with kept_state(output) as state:
+        if state is None:
+            return None
         is_same = state.sources.parts() == [part.facts for part in parts]
         if not is_same or not all(scan.is_merged for scan in state.scans()):
             return None

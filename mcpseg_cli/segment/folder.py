@@ -44,6 +44,24 @@ def held_folder(
         yield
 
 
+@contextmanager
+def kept_state(output: Path) -> Iterator[State | None]:
+    """Open the checkpoint of a folder for a look; None where there is no run.
+
+    Args:
+        output: The folder.
+
+    Raises:
+        StateError: The checkpoint there is in use or damaged.
+    """
+    path = output / _STATE
+    if not path.is_file() or not path.stat().st_size:
+        yield None
+        return
+    with State(path) as state:
+        yield state
+
+
 def prepare_empty(output: Path) -> None:
     """Make the folder of a run that is made at once, or see that it has no files of a run.
 

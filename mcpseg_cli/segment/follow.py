@@ -10,7 +10,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.growing_folder import GrowingFolder
 from mcpseg_cli.formats.recording import place_scan
 from mcpseg_cli.formats.scan_source import ScanSource
-from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.folder import kept_state
 from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
 _PAUSE_S = 0.05  # from look to look; longer where looking takes long
@@ -27,11 +27,8 @@ def consumed_scans(output: Path) -> list[str]:
     Raises:
         StateError: The checkpoint there is in use or damaged.
     """
-    path = output / "state.sqlite"
-    if not path.is_file() or not path.stat().st_size:
-        return []
-    with State(path) as state:
-        return [record.name for record in state.scans()]
+    with kept_state(output) as state:
+        return [] if state is None else [record.name for record in state.scans()]
 
 
 def wait_for_scans(

@@ -13,7 +13,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.intake import Intake
 from mcpseg_cli.formats.recording import ScanSource, read_scan
 from mcpseg_cli.scan import Scan
-from mcpseg_cli.segment.checkpoint import State
+from mcpseg_cli.segment.folder import kept_state
 
 NUM_SCANS = 5
 """Scans that are looked at."""
@@ -69,19 +69,6 @@ def first_scans(
         yield scan
 
 
-def kept_range(output: Path) -> float | None:
-    """Return the range that a run was begun with; None where there is no run.
-
-    Args:
-        output: Folder of the run.
-
-    Raises:
-        StateError: The checkpoint there is in use or damaged.
-    """
-    configuration = kept_configuration(output)
-    return None if configuration is None else range_in(configuration)
-
-
 def range_in(configuration: Mapping[str, object]) -> float | None:
     """Return the range of a run by its configuration; None where it has none."""
     value = configuration.get("local_range")
@@ -97,11 +84,8 @@ def kept_configuration(output: Path) -> Mapping[str, object] | None:
     Raises:
         StateError: The checkpoint there is in use or damaged.
     """
-    path = output / "state.sqlite"
-    if not path.is_file() or not path.stat().st_size:
-        return None
-    with State(path) as state:
-        return state.configuration()
+    with kept_state(output) as state:
+        return None if state is None else state.configuration()
 
 
 def _elevations(xyz: NDArray[np.float32]) -> float:

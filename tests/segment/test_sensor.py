@@ -6,7 +6,13 @@ from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.formats.recording import open_recording
 from mcpseg_cli.scan import Scan, to_map_frame
-from mcpseg_cli.segment.sensor import NUM_SCANS, first_scans, guess_range, kept_range
+from mcpseg_cli.segment.sensor import (
+    NUM_SCANS,
+    first_scans,
+    guess_range,
+    kept_configuration,
+    range_in,
+)
 
 CENTRE = np.array([30.0, -12.0, 1.2])
 
@@ -101,5 +107,5 @@ def test_only_the_first_scans_are_read_and_broken_ones_passed_over(make_recordin
 
 
 def test_a_folder_without_a_run_has_no_range(tmp_path, labelled_run):
-    assert kept_range(tmp_path / "nowhere") is None
-    assert kept_range(labelled_run.out) == 2.0
+    assert kept_configuration(tmp_path / "nowhere") is None
+    assert range_in(kept_configuration(labelled_run.out)) == 2.0

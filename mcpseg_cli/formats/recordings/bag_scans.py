@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -16,6 +16,7 @@ from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.recordings import ros_messages as ros
 from mcpseg_cli.formats.recordings.bag_files import BagFiles, Place, RawMessage, told_of_fields
 from mcpseg_cli.formats.rigid import NEAREST_NS
+from mcpseg_cli.formats.scan_source import Placeable
 
 
 class _CameraInfo(Protocol):
@@ -136,7 +137,7 @@ def _place(image: ros.Image) -> tuple[str, int, int]:
 
 
 @dataclass(frozen=True, eq=False)
-class BagScan:
+class BagScan(Placeable):
     """One message of a bag.
 
     Attributes:
@@ -159,14 +160,6 @@ class BagScan:
     _colours: Colours | None = field(repr=False)
     _stamp_ns: int
     lost: str = ""
-
-    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> BagScan:
-        """Return the same scan with another pose, or with none and why."""
-        return replace(self, pose=pose, lost=lost)
-
-    def in_frame(self, frame: Frame) -> BagScan:
-        """Return the same scan, known to be in a frame."""
-        return replace(self, frame=frame)
 
     def read(self) -> Cloud:
         """Read its points; those without coordinates or depth are dropped."""

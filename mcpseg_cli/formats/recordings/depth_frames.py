@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from struct import error as StructError
@@ -21,6 +21,7 @@ from mcpseg_cli.formats.claims import check_claim
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.npy import read_npy
+from mcpseg_cli.formats.scan_source import Placeable
 from mcpseg_cli.scan import GREY
 
 _FARTHEST = 1000.0  # metres; what Open3D cuts off beyond
@@ -78,7 +79,7 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class DepthFrame:
+class DepthFrame(Placeable):
     """One depth image, perhaps with a colour image.
 
     Attributes:
@@ -101,14 +102,6 @@ class DepthFrame:
     confidence: Path | None = None
     frame: Frame | None = "sensor"
     lost: str = ""
-
-    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> DepthFrame:
-        """Return the same scan with another pose, or with none and why."""
-        return replace(self, pose=pose, lost=lost)
-
-    def in_frame(self, frame: Frame) -> DepthFrame:
-        """Return the same scan, known to be in a frame."""
-        return replace(self, frame=frame)
 
     def read(self) -> Cloud:
         """Unproject it; its points are those pixels that have a depth, row by row."""

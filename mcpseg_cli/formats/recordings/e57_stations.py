@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.recordings.stations import station_names
 from mcpseg_cli.formats.rigid import from_quaternion
+from mcpseg_cli.formats.scan_source import Placeable
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -27,7 +28,7 @@ _BYTES = {**dict.fromkeys(_INVALID, 1), "intensity": 4}  # of a point; of all ot
 
 
 @dataclass(frozen=True)
-class E57Station:
+class E57Station(Placeable):
     """One station of an E57 file.
 
     Attributes:
@@ -47,14 +48,6 @@ class E57Station:
     stamp: float | None
     frame: Frame | None
     lost: str = ""
-
-    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> E57Station:
-        """Return the same scan with another pose, or with none and why."""
-        return replace(self, pose=pose, lost=lost)
-
-    def in_frame(self, frame: Frame) -> E57Station:
-        """Return the same scan, known to be in a frame."""
-        return replace(self, frame=frame)
 
     def read(self) -> Cloud:
         """Read its points; those without a valid return are dropped."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +16,7 @@ from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.stations import station_names
 from mcpseg_cli.formats.rigid import check_rotations
+from mcpseg_cli.formats.scan_source import Placeable
 from mcpseg_cli.formats.text_cloud import parse_numbers
 
 _COLUMNS = {
@@ -28,7 +29,7 @@ _WHOLE = "a whole PTX file: columns, rows, position, axes, 4 x 4 matrix, points"
 
 
 @dataclass(frozen=True)
-class PtxStation:
+class PtxStation(Placeable):
     """One station of a PTX file.
 
     Attributes:
@@ -49,14 +50,6 @@ class PtxStation:
     stamp: float | None = None
     frame: Frame | None = "sensor"
     lost: str = ""
-
-    def with_pose(self, pose: NDArray[np.float64] | None, lost: str = "") -> PtxStation:
-        """Return the same scan with another pose, or with none and why."""
-        return replace(self, pose=pose, lost=lost)
-
-    def in_frame(self, frame: Frame) -> PtxStation:
-        """Return the same scan, known to be in a frame."""
-        return replace(self, frame=frame)
 
     def read(self) -> Cloud:
         """Read its points; those without a return, which are written as zeros, are dropped."""
