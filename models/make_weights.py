@@ -86,11 +86,11 @@ SECOND = [
     *(Building(11, number, models=True) for number in (3, 4, 5)),
 ]
 HELD_OUT = [Building(9, 9), Building(14, 9, style=17)]
+NOT_FOR_HOME = {(11, 3), (11, 5), (11, 16), (13, 7)}  # seed and number: the others suffice
 HOME = [
     replace(building, classes="home")
     for building in SECOND
-    if building not in (Building(11, 16), Building(13, 7, models=True))
-    and building.name not in ("s3dis/seed_11/Area_3", "s3dis/seed_11/Area_5")
+    if (building.seed, building.number) not in NOT_FOR_HOME
 ]
 HOME_HELD_OUT = [replace(building, classes="home") for building in HELD_OUT]
 TRAININGS = {  # name, areas, settings, what it starts from
