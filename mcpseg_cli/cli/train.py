@@ -162,7 +162,8 @@ def train(
 
     Areas are prepared one after another; with --engine processes some at a time, as many as --jobs
     says, and with --engine dask --scheduler tcp://HOST:PORT by the workers of a Dask cluster.
-    --prepare AREA prepares one and ends.
+    --prepare AREA prepares one and ends. With --device cuda, processes draw the batches, one for
+    each of the --jobs but one.
 
     \b
     A class table, or the table [classes] of a settings file, says which labels of the data mean
@@ -256,6 +257,7 @@ def train(
         quiet=quiet,
         as_json=as_json,
         command=("mcpseg", *sys.argv[1:]),
+        jobs=jobs,
     )
     request = DataSettings(samples, parts[augment], file.windows, mapping, cache)
     task = TrainTask(settings, request, initial, _ranks(), device, options)

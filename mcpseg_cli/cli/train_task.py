@@ -15,6 +15,7 @@ import typer
 from mcpseg_cli.cli.compiling import told_of_compiling
 from mcpseg_cli.cli.display import notice, plain, print_table, progress_bar
 from mcpseg_cli.cli.interrupt import Interrupt
+from mcpseg_cli.cli.options import number_of_jobs
 from mcpseg_cli.config import CheckpointSettings, TrainSettings
 from mcpseg_cli.errors import FULL, OutputError
 from mcpseg_cli.networks.device import find_device
@@ -42,6 +43,7 @@ class TaskOptions:
     quiet: bool
     as_json: bool
     command: tuple[str, ...]
+    jobs: int | None = None
 
 
 class TrainTask:
@@ -155,7 +157,13 @@ class TrainTask:
         """Check that a fold can be trained, and get it ready; nothing is changed."""
         request = TrainRequest(self.settings, self.data, fold, self.initial, self.options.command)
         data = fold_data(fold, prepared, self.data, self.settings)
-        return TrainRun(files, request, data, self.device, self.ranks, anew=self.options.overwrite)
+
+        # one process trains, the other cores draw for it where a device learns faster than they
+        on_device, cores = self.device.type != "cpu", number_of_jobs(self.options.jobs)
+        return TrainRun(
+            files, request, data, self.device, self.ranks, anew=self.options.overwrite,
+            workers=max(cores // self.ranks.world - 1, 0) if on_device else 0,
+        )  # fmt: skip
 
     def _train(self, run: TrainRun, interrupt: Interrupt) -> list[TrainRecord]:
         """Train one fold; return its record, in the first process."""

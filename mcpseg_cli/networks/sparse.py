@@ -8,7 +8,7 @@ network does is a dense product of all voxels at once, so no empty neighbour is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -31,6 +31,7 @@ _BIAS = 1 << 20  # voxel indices are 21-bit within a window
 _EMPTY = -1
 Result = TypeVar("Result")
 _FEW_ROWS = 512  # fewer are not worth a second thread
+_GATHERED = 1 << 27  # numbers at once: half a gigabyte
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,13 @@ class Level:
     def __len__(self) -> int:
         return len(self.neighbours)
 
+    def tables(self) -> tuple[Tensor | None, ...]:
+        """List all tables in the order that they are given in."""
+        return self.neighbours, self.parent, self.corner, self.children
+
     def to(self, device: torch.device) -> Level:
         """Copy the tables to a device."""
-        others = (self.parent, self.corner, self.children)
-        moved = [None if table is None else table.to(device) for table in others]
+        moved = [None if table is None else table.to(device) for table in self.tables()[1:]]
         return Level(self.neighbours.to(device), *moved)
 
 
@@ -227,11 +231,13 @@ class DepthwiseConv(nn.Module):
         Returns:
             (V, F) float32.
         """
-        if features.device.type == "cpu" and not torch.onnx.is_in_onnx_export():
-            inputs = (features, level.neighbours, self.weight)
-            summed: Tensor = _DepthwiseOnCpu.apply(*inputs)  # type: ignore[no-untyped-call]
-            return summed
-        return sum_neighbours(features, level.neighbours, self.weight)
+        inputs = (features, level.neighbours, self.weight)
+        if torch.onnx.is_in_onnx_export():
+            return sum_neighbours(*inputs)
+        if features.device.type != "cpu":
+            return gather_neighbours(*inputs)
+        summed: Tensor = _DepthwiseOnCpu.apply(*inputs)  # type: ignore[no-untyped-call]
+        return summed
 
 
 def sum_neighbours(features: Tensor, neighbours: Tensor, weight: Tensor) -> Tensor:
@@ -251,6 +257,45 @@ def sum_neighbours(features: Tensor, neighbours: Tensor, weight: Tensor) -> Tens
         if k != _CENTRE:
             total = total + padded[neighbours[:, k].long()] * weight[k]
     return total
+
+
+def gather_neighbours(features: Tensor, neighbours: Tensor, weight: Tensor) -> Tensor:
+    """Convolve as ``sum_neighbours`` does, in few calls: for devices with memory to spare."""
+    summed: Tensor = _DepthwiseByGathering.apply(  # type: ignore[no-untyped-call]
+        features, neighbours, weight
+    )
+    return summed
+
+
+class _DepthwiseByGathering(torch.autograd.Function):
+    """All neighbours at once. Being one is symmetric, so that gradients are gathered, too."""
+
+    @staticmethod
+    def forward(ctx, features, neighbours, weight):  # type: ignore[no-untyped-def]
+        features = features.float()
+        ctx.save_for_backward(features, neighbours, weight)
+        parts = _gathered(features, neighbours)
+        return torch.cat([(gathered * weight).sum(dim=1) for _, gathered in parts])
+
+    @staticmethod
+    def backward(ctx, slope):  # type: ignore[no-untyped-def]
+        features, neighbours, weight = ctx.saved_tensors
+        opposite, of_weight = weight.flip(0), torch.zeros_like(weight)
+        of_features = torch.cat(
+            [(gathered * opposite).sum(dim=1) for _, gathered in _gathered(slope, neighbours)]
+        )
+        for rows, gathered in _gathered(features, neighbours):
+            of_weight += (gathered * slope[rows, None]).sum(dim=0)
+        return of_features, None, of_weight
+
+
+def _gathered(features: Tensor, neighbours: Tensor) -> Iterator[tuple[slice, Tensor]]:
+    """Yield rows and their (R, 27, F) neighbours, 0 where there is none, bounded in memory."""
+    padded = torch.cat([features, features.new_zeros(1, features.shape[1])])
+    at_once = max(_GATHERED // (NUM_NEIGHBOURS * features.shape[1]), 1)
+    for first in range(0, max(len(neighbours), 1), at_once):
+        rows = slice(first, first + at_once)
+        yield rows, padded[neighbours[rows].long()]  # -1 is the last row, of zeros
 
 
 class _DepthwiseOnCpu(torch.autograd.Function):

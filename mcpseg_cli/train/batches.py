@@ -25,7 +25,7 @@ from mcpseg_cli.train.augmentation import (
     replace_gone,
 )
 from mcpseg_cli.train.class_table import trained_names
-from mcpseg_cli.train.draws import choose_balanced, choose_plain, number_locally
+from mcpseg_cli.train.draws import Order, choose_balanced, choose_plain, number_locally
 from mcpseg_cli.train.replay import ScanSamples
 from mcpseg_cli.train.samples import AreaSamples
 
@@ -97,6 +97,7 @@ class BatchSource:
         scans = [area.usable_scans() for area in self._areas]
         self._area_of = np.repeat(np.arange(len(scans)), [len(part) for part in scans])
         self._scan_of = np.concatenate([*scans, np.empty(0, np.int64)])
+        self._order = Order(seed, len(self._scan_of))
         if len(self._scan_of) == 0:
             names = ", ".join(area.samples.name for area in self._areas) or "none"
             raise McpsegError(
@@ -123,13 +124,20 @@ class BatchSource:
         Yields:
             Batches; each depends on the seed, the epoch and its place in it only.
         """
-        order = np.random.default_rng((self._seed, number)).permutation(len(self))
         for step in range(start, len(self) // world):
-            position = world * step + rank
-            # 0 would be the generator of the order
-            rng = np.random.default_rng((self._seed, number, position + 1))
-            place = order[position]
-            yield self._draw(self._areas[self._area_of[place]], int(self._scan_of[place]), rng)
+            yield self.batch(number, world * step + rank)
+
+    def batch(self, number: int, position: int) -> Batch:
+        """Draw the batch at a place in an epoch.
+
+        Args:
+            number: Number of the epoch, from 0.
+            position: Less than the batches of an epoch.
+        """
+        place = self._order.places(number)[position]
+        # 0 would be the generator of the order
+        rng = np.random.default_rng((self._seed, number, position + 1))
+        return self._draw(self._areas[self._area_of[place]], int(self._scan_of[place]), rng)
 
     def _draw(self, area: _Area, number: int, rng: np.random.Generator) -> Batch:
         """Choose the points of a batch and give them as the network sees them."""

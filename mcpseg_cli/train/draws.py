@@ -52,6 +52,27 @@ def choose_plain(num_rows: int, count: int, rng: np.random.Generator) -> NDArray
     return fill_up(rng.permutation(num_rows)[:count], num_rows, count, rng)
 
 
+class Order:
+    """The order of the scans in each epoch, shuffled anew.
+
+    Args:
+        seed: Of the training.
+        count: Scans.
+    """
+
+    def __init__(self, seed: int, count: int) -> None:
+        self._seed, self._count = seed, count
+        self._last: tuple[int, NDArray[np.int64]] = (-1, np.empty(0, np.int64))
+
+    def places(self, number: int) -> NDArray[np.int64]:
+        """Give (count,) scans in the order of epoch ``number``."""
+        known, places = self._last
+        if known != number:
+            places = np.random.default_rng((self._seed, number)).permutation(self._count)
+            self._last = (number, places)
+        return places
+
+
 def fill_up(
     rows: NDArray[np.intp], num_rows: int, count: int, rng: np.random.Generator
 ) -> NDArray[np.intp]:

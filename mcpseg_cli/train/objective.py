@@ -17,6 +17,7 @@ from mcpseg_cli.train.losses import (
     sgpn_double_hinge_loss,
     triplet_semihard_loss,
 )
+from mcpseg_cli.train.packing import Packed, pack, unpack
 from mcpseg_cli.train.scores import Outcome, nearest_is_of_same_object
 from mcpseg_cli.train.sources import AnyBatch
 
@@ -37,6 +38,19 @@ class TensorBatch:
     semantic: Tensor
     instance: Tensor
 
+    def packed(self) -> Packed:
+        """Put it into one piece of memory."""
+        return pack((self.centre, self.context, self.semantic, self.instance))
+
+    @classmethod
+    def unpacked(cls, packed: Packed, device: torch.device) -> TensorBatch:
+        """Take it apart again, on a device."""
+        centre, context, semantic, instance = unpack(packed, device)
+        assert centre is not None
+        assert semantic is not None
+        assert instance is not None
+        return cls(centre, context, semantic, instance)
+
 
 @dataclass(frozen=True)
 class TensorWindows:
@@ -47,8 +61,28 @@ class TensorWindows:
     semantic: Tensor
     instance: Tensor
 
+    def packed(self) -> Packed:
+        """Put it into one piece of memory."""
+        tables = [table for level in self.levels for table in level.tables()]
+        return pack((self.inputs, self.semantic, self.instance, *tables))
+
+    @classmethod
+    def unpacked(cls, packed: Packed, device: torch.device) -> TensorWindows:
+        """Take it apart again, on a device."""
+        inputs, semantic, instance, *tables = unpack(packed, device)
+        assert inputs is not None
+        assert semantic is not None
+        assert instance is not None
+        levels = []
+        for first in range(0, len(tables), _NUM_TABLES):
+            neighbours, *others = tables[first : first + _NUM_TABLES]
+            assert neighbours is not None
+            levels.append(Level(neighbours, *others))
+        return cls(inputs, levels, semantic, instance)
+
 
 Tensors = TensorBatch | TensorWindows
+_NUM_TABLES = 4  # of a level
 
 
 class Objective:
@@ -70,7 +104,8 @@ class Objective:
         self._weights = torch.tensor(weights, device=device)
         self._device = device
 
-    def to_tensors(self, batch: AnyBatch) -> TensorBatch:
+    @staticmethod
+    def to_tensors(batch: AnyBatch) -> TensorBatch:
         """Copy a batch into torch's own memory, whose alignment is always the same."""
         assert isinstance(batch, Batch)
         return TensorBatch(
@@ -80,17 +115,12 @@ class Objective:
             torch.tensor(batch.instance),
         )
 
-    def move(self, batch: Tensors) -> TensorBatch:
+    def move(self, batch: Tensors | Packed) -> TensorBatch:
         """Move a batch to the device that the network is on."""
-        assert isinstance(batch, TensorBatch)
-        if self._device.type == "cpu":
+        if isinstance(batch, TensorBatch) and self._device.type == "cpu":
             return batch
-        return TensorBatch(
-            batch.centre.to(self._device),
-            None if batch.context is None else batch.context.to(self._device),
-            batch.semantic.to(self._device),
-            batch.instance.to(self._device),
-        )
+        packed = batch if isinstance(batch, Packed) else batch.packed()
+        return TensorBatch.unpacked(packed, self._device)
 
     def total(self, outcome: Outcome) -> Tensor:
         """Return the sum that gradients are taken of."""

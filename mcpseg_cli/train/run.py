@@ -65,6 +65,7 @@ class TrainRun:
         device: Where to train.
         ranks: The processes that share the work; only rank 0 writes.
         anew: Ignore what is there; ``files.clear`` deletes it.
+        workers: Processes that draw batches; 0: a thread does.
 
     Raises:
         StateError: The checkpoint there was made with other settings or data, or is damaged.
@@ -81,6 +82,7 @@ class TrainRun:
         ranks: Ranks,
         *,
         anew: bool = False,
+        workers: int = 0,
     ) -> None:
         self.files, self.request, self.device, self.ranks = files, request, device, ranks
         self._held_out = data.validation
@@ -105,6 +107,7 @@ class TrainRun:
             data.validation,
             ranks=ranks,
             class_weights=balance(data.plain, len(data.classes)) if is_balanced else None,
+            workers=workers,
         )
 
         # what an earlier run of the same request has done

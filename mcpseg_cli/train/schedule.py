@@ -34,15 +34,18 @@ def learning_rate(step: int, steps_per_epoch: int, settings: TrainSettings) -> f
     return settings.learning_rate * (1 + math.cos(math.pi * share)) / 2
 
 
-def balance(batches: Batches, num_classes: int, max_batches: int = 200) -> Tensor:
+def balance(
+    batches: Batches, num_classes: int, max_batches: int = 200, enough: int = 3_000_000
+) -> Tensor:
     """Weight classes by the inverse root of how often they occur.
 
     The mean of the weights, by how often classes occur, is 1.
 
     Args:
-        batches: To count in: the first ``max_batches`` of epoch 0.
+        batches: To count in: the first of epoch 0.
         num_classes: C.
-        max_batches: Enough to know the frequencies by.
+        max_batches: How many at most,
+        enough: or how many points: the frequencies are known well by then.
 
     Returns:
         (C,) float32; classes that do not occur weigh 1.
@@ -50,6 +53,8 @@ def balance(batches: Batches, num_classes: int, max_batches: int = 200) -> Tenso
     counts = np.zeros(num_classes)
     for batch in islice(batches.epoch(0), max_batches):
         counts += np.bincount(batch.semantic[batch.semantic < num_classes], minlength=num_classes)
+        if counts.sum() >= enough:
+            break
     weights = np.where(counts > 0, 1 / np.sqrt(np.maximum(counts, 1)), 0.0)
     total = (weights * counts).sum()
     weights = np.where(counts > 0, weights * counts.sum() / max(total, 1e-12), 1.0)

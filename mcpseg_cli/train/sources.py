@@ -17,6 +17,9 @@ class Batches(Protocol):
     def __len__(self) -> int:
         """Count the batches of an epoch."""
 
+    def batch(self, number: int, position: int) -> AnyBatch:
+        """Draw the batch at a place in an epoch; nothing else decides what it is."""
+
     def epoch(
         self, number: int, *, rank: int = 0, world: int = 1, start: int = 0
     ) -> Iterator[AnyBatch]:

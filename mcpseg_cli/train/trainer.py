@@ -18,8 +18,8 @@ from torch import Tensor
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import TrainingError
 from mcpseg_cli.networks.network import Network
+from mcpseg_cli.train.drawing import Drawing
 from mcpseg_cli.train.objective import Objective, Tensors
-from mcpseg_cli.train.prefetch import ahead
 from mcpseg_cli.train.progress import EpochReport, Progress, TrainState
 from mcpseg_cli.train.ranks import Ranks
 from mcpseg_cli.train.schedule import learning_rate
@@ -28,7 +28,6 @@ from mcpseg_cli.train.sources import Batches
 from mcpseg_cli.train.window_objective import WindowObjective
 
 _REPORT_STEPS = 10  # from one progress report to the next
-_BATCHES_AHEAD = 4
 
 
 @contextmanager
@@ -60,6 +59,7 @@ class Trainer:
         ranks: The processes that share the work; each has its own ``Trainer`` of the same network.
         class_weights: (C,) float32: what an error on a point of each class costs; None: all the
             same.
+        workers: Processes that draw batches; 0: a thread does. They change no result.
 
     Raises:
         TrainingError: There are too few batches for a step, or to validate in every process.
@@ -75,6 +75,7 @@ class Trainer:
         *,
         ranks: Ranks | None = None,
         class_weights: Tensor | None = None,
+        workers: int = 0,
     ) -> None:
         self.network, self.settings, self.ranks = network, settings, ranks or Ranks()
         self.curves: list[EpochReport] = []
@@ -87,6 +88,12 @@ class Trainer:
         objective = WindowObjective if network.sees_windows else Objective
         self._objective: Objective | WindowObjective = objective(
             settings, class_weights, self._device
+        )
+        self._drawing = Drawing(
+            [training] if validation is None else [training, validation],
+            self._objective.to_tensors,
+            workers=workers,
+            on_device=self._device.type != "cpu",
         )
 
         # with a weight decay of 0, AdamW is Adam (III-D)
@@ -151,6 +158,13 @@ class Trainer:
         Raises:
             TrainingError: The loss is no longer a number, or the memory does not suffice.
         """
+        try:
+            yield from self._run(should_stop)
+        finally:
+            self._drawing.close()
+
+    def _run(self, should_stop: Callable[[], bool]) -> Iterator[Progress]:
+        """Train, see ``run``."""
         while not self.is_finished:
             started = perf_counter()
 
@@ -175,11 +189,9 @@ class Trainer:
     def _steps_left(self) -> Iterator[list[Tensors]]:
         """Draw the batches of each step that is left of the epoch; a thread draws ahead."""
         each, world = self.settings.batches_per_step, self.ranks.world
-        source = self._training.epoch(
-            len(self.curves), rank=self.ranks.rank, world=world, start=self._step * each
-        )
-        tensors: Iterator[Tensors] = map(self._objective.to_tensors, source)
-        with ahead(tensors, _BATCHES_AHEAD + each) as batches:
+        start, end = self._step * each, self.num_steps * each
+        positions = range(start * world + self.ranks.rank, end * world, world)
+        with self._drawing.batches(self._training, len(self.curves), positions) as batches:
             for _ in range(self._step, self.num_steps):
                 yield [self._objective.move(batch) for batch in islice(batches, each)]
 
@@ -218,12 +230,9 @@ class Trainer:
         """Score the held-out batches, the same ones every time; None when asked to stop."""
         self.network.eval()
         tally = Tally(self._tally.num_classes, self._device)
-        source = validation.epoch(0, rank=self.ranks.rank, world=self.ranks.world)
-        drawn: Iterator[Tensors] = map(
-            self._objective.to_tensors, islice(source, self._num_scored(validation))
-        )
-
-        with ahead(drawn, _BATCHES_AHEAD) as batches:
+        world = self.ranks.world
+        positions = range(self.ranks.rank, self._num_scored(validation) * world, world)
+        with self._drawing.batches(validation, 0, positions) as batches:
             for drawn_batch in batches:
                 batch = self._objective.move(drawn_batch)
                 outcome = self._objective.evaluate(self.network, batch)

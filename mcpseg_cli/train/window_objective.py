@@ -11,6 +11,7 @@ from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.unet import UNet, forward_pairs
 from mcpseg_cli.train.losses import classification_loss
 from mcpseg_cli.train.objective import Tensors, TensorWindows
+from mcpseg_cli.train.packing import Packed
 from mcpseg_cli.train.scores import Outcome
 from mcpseg_cli.train.sources import AnyBatch
 from mcpseg_cli.train.windows import WindowBatch
@@ -34,7 +35,8 @@ class WindowObjective:
         self._class_weights = None if class_weights is None else class_weights.to(device)
         self._device = device
 
-    def to_tensors(self, batch: AnyBatch) -> TensorWindows:
+    @staticmethod
+    def to_tensors(batch: AnyBatch) -> TensorWindows:
         """Copy a batch into torch's own memory, on the processor."""
         assert isinstance(batch, WindowBatch)
         return TensorWindows(
@@ -44,17 +46,12 @@ class WindowObjective:
             torch.tensor(batch.instance),
         )
 
-    def move(self, batch: Tensors) -> TensorWindows:
+    def move(self, batch: Tensors | Packed) -> TensorWindows:
         """Move a batch to the device that the network is on."""
-        assert isinstance(batch, TensorWindows)
-        if self._device.type == "cpu":
+        if isinstance(batch, TensorWindows) and self._device.type == "cpu":
             return batch
-        return TensorWindows(
-            batch.inputs.to(self._device),
-            [level.to(self._device) for level in batch.levels],
-            batch.semantic.to(self._device),
-            batch.instance.to(self._device),
-        )
+        packed = batch if isinstance(batch, Packed) else batch.packed()
+        return TensorWindows.unpacked(packed, self._device)
 
     def total(self, outcome: Outcome) -> Tensor:
         """Return the sum that gradients are taken of."""

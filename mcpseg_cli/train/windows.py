@@ -23,6 +23,7 @@ from mcpseg_cli.networks.sparse import Level, find_neighbours, make_levels, numb
 from mcpseg_cli.networks.unet import NUM_LEVELS
 from mcpseg_cli.train.augmentation import Scene, augment, draw_cut, draw_thinning
 from mcpseg_cli.train.class_table import trained_names
+from mcpseg_cli.train.draws import Order
 from mcpseg_cli.train.mixing import LabelledScene, add_things, exchange_box
 from mcpseg_cli.train.samples import AreaSamples
 
@@ -99,6 +100,7 @@ class WindowSource:
         counts = [area.num_scans for area in areas]
         self._area_of = np.repeat(np.arange(len(areas)), counts)
         self._scan_of = np.concatenate([np.arange(count) for count in counts])
+        self._order = Order(seed, len(self._scan_of))
         if len(self) == 0:
             raise McpsegError(
                 "too few scans for a batch of windows; expected more; give more areas"
@@ -122,12 +124,20 @@ class WindowSource:
         Yields:
             Batches; each depends on the seed, the epoch and its place in it only.
         """
-        order = np.random.default_rng((self._seed, number)).permutation(len(self._scan_of))
         for step in range(start, len(self) // world):
-            position = world * step + rank
-            rng = np.random.default_rng((self._seed, number, position + 1))
-            places = order[self._size * position : self._size * (position + 1)]
-            yield _join([self._draw(place, rng) for place in places])
+            yield self.batch(number, world * step + rank)
+
+    def batch(self, number: int, position: int) -> WindowBatch:
+        """Draw the windows at a place in an epoch.
+
+        Args:
+            number: Number of the epoch, from 0.
+            position: Less than the batches of an epoch.
+        """
+        order = self._order.places(number)
+        rng = np.random.default_rng((self._seed, number, position + 1))
+        places = order[self._size * position : self._size * (position + 1)]
+        return _join([self._draw(place, rng) for place in places])
 
     def _draw(self, place: int, rng: np.random.Generator) -> _Window:
         """Draw the window of a scan; one with hardly anything in it is drawn anew."""

@@ -6,11 +6,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcpseg_cli.networks import sparse
 from mcpseg_cli.networks.sparse import (
     DepthwiseConv,
     Level,
     _coarsen,
     find_neighbours,
+    gather_neighbours,
     make_levels,
     number_voxels,
     sum_neighbours,
@@ -139,7 +141,7 @@ def test_a_single_voxel_is_a_window():
     assert [int((level.neighbours >= 0).sum()) for level in levels] == [1] * 5
 
 
-def convolve(voxel, *, plain: bool, width: int = 12, threads: int = 1):
+def convolve(voxel, *, plain: bool = False, by=None, width: int = 12, threads: int = 1):
     """Convolve random features; give the answer and the gradients of features and weights."""
     torch.set_num_threads(threads)
     generator = torch.Generator().manual_seed(0)
@@ -150,8 +152,8 @@ def convolve(voxel, *, plain: bool, width: int = 12, threads: int = 1):
     slope = torch.randn(len(voxel), width, generator=generator)
     level = make_levels(voxel, 1)[0]
 
-    if plain:
-        answer = sum_neighbours(features, level.neighbours, layer.weight)
+    if by is not None or plain:
+        answer = (by or sum_neighbours)(features, level.neighbours, layer.weight)
     else:
         answer = layer(features, level)
     answer.backward(slope)
@@ -162,6 +164,15 @@ def convolve(voxel, *, plain: bool, width: int = 12, threads: int = 1):
 def test_the_convolution_and_its_gradients_equal_those_of_plain_torch(count):
     voxel = make_window(4, count, width=10)
     fast, slow = convolve(voxel, plain=False), convolve(voxel, plain=True)
+    for ours, theirs in zip(fast, slow, strict=True):
+        torch.testing.assert_close(ours, theirs, atol=2e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("at_once", [1, 12 * 27 * 7, 1 << 27])
+def test_gathering_all_neighbours_gives_the_same_however_many_at_once(at_once, monkeypatch):
+    monkeypatch.setattr(sparse, "_GATHERED", at_once)
+    voxel = make_window(4, 60, width=10)
+    fast, slow = convolve(voxel, by=gather_neighbours), convolve(voxel, plain=True)
     for ours, theirs in zip(fast, slow, strict=True):
         torch.testing.assert_close(ours, theirs, atol=2e-5, rtol=1e-4)
 

@@ -42,7 +42,10 @@ class World:
 
     def epoch(self, number, *, rank=0, world=1, start=0):
         for step in range(start, self.num_batches // world):
-            yield self.draw(np.random.default_rng((self.seed, number, step * world + rank)))
+            yield self.batch(number, step * world + rank)
+
+    def batch(self, number, position):
+        return self.draw(np.random.default_rng((self.seed, number, position)))
 
     def draw(self, rng):
         instance = rng.integers(1, NUM_CLASSES + 1, self.num_points)
@@ -262,7 +265,7 @@ def test_a_lack_of_memory_ends_training_in_one_line(error, part, monkeypatch):
     batches = [_tensors(batch) for batch in World(1).epoch(0)]
     work = {
         "learn": lambda: trainer._learn(batches),
-        "validate": lambda: trainer._validate(World(2), bool),
+        "validate": lambda: trainer._validate(trainer._validation, bool),
     }[part]
     with pytest.raises(
         TrainingError, match="out of memory; expected room for a batch; lower --batch-size"
