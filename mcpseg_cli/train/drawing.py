@@ -6,6 +6,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing.context import BaseContext
 
 from torch.utils.data import DataLoader, Dataset, Sampler
 
@@ -64,9 +65,6 @@ class Drawing:
     def _drawn_by_processes(self) -> Iterator[Tensors | Packed]:
         """Yield what the processes draw; they are started once and live on."""
         if self._loader is None:
-            start = (
-                "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else None
-            )
             self._loader = DataLoader(
                 self._drawn,
                 batch_size=None,
@@ -75,7 +73,7 @@ class Drawing:
                 prefetch_factor=_EACH_AHEAD,
                 persistent_workers=True,
                 pin_memory=self._on_device,
-                multiprocessing_context=start,
+                multiprocessing_context=_context(),
                 worker_init_fn=_leave_interrupts,
             )
         try:
@@ -126,6 +124,15 @@ class _Keys(Sampler[_Key]):
 
     def __len__(self) -> int:
         return len(self.keys)
+
+
+def _context() -> BaseContext | None:
+    """Start processes from a server that has imported what they need, where there can be one."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return None
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__, "mcpseg_cli.train.windows"])
+    return context
 
 
 def _leave_interrupts(_: int) -> None:
