@@ -1,16 +1,19 @@
 """Time of a training step: of MCPNet, plain and ours, or of the sparse U-Net.
 
-    python -m tests.benchmarks.training [--net unet] [--threads 2] [--steps 100]
+    python -m tests.benchmarks.training [--net unet] [--threads 2] [--steps 100] [--device cuda] [--windows 16]
 
 A step is forward, losses, backward, update, scores. MCPNet's has 256 points with 50 context points
 each; layers and Adam as torch gives them and ours take turns, so that what else the machine does
-slows both. The U-Net's has two windows of 6,000 voxels: rooms with boxes in them. Beside the time
+slows both. The U-Net's has two windows, or so many, of 6,000 voxels: rooms with boxes in them; on a
+device, the way there is part of a step, and looking around by a call for each of 26 neighbours, as
+the slow twin does, takes turns with ours. Beside the time
 that passed stands that of the processor, which a busy machine changes less.
 """
 
 import argparse
 import json
 import os
+from functools import partial
 from time import perf_counter, process_time
 
 import numpy as np
@@ -18,6 +21,7 @@ import torch
 
 from mcpseg_cli.config import BATCH, NUM_CONTEXT, WINDOW_TRAINING, TrainSettings
 from mcpseg_cli.incremental.window import NUM_INPUTS
+from mcpseg_cli.networks import sparse
 from mcpseg_cli.networks.mcpnet import MCPNet
 from mcpseg_cli.networks.sparse import make_levels
 from mcpseg_cli.networks.unet import NUM_LEVELS, UNet
@@ -27,6 +31,7 @@ from mcpseg_cli.train.window_objective import WindowObjective
 
 NUM_CLASSES = 13
 WINDOW_VOXELS = 6000
+GATHER = sparse.gather_neighbours
 ROOM = (46, 46, 27)  # voxels; with its boxes a little more than a window
 
 
@@ -41,24 +46,31 @@ class PlainNet(MCPNet):
 class Stepper:
     """One network with its optimiser; what steps take, in milliseconds, of clock and processor."""
 
-    def __init__(self, network, precision="fp32", fused=True):
-        self.network = network.train()
-        self.objective = objective_of(network, precision)
+    def __init__(self, network, precision="fp32", fused=True, device="cpu", twin=False):
+        self.device, self.twin = torch.device(device), twin
+        self.network = network.train().to(self.device)
+        self.objective = objective_of(network, precision, self.device)
         self.optimiser = torch.optim.AdamW(
             network.parameters(), lr=1e-3, weight_decay=0.0, fused=fused
         )
-        self.tally = Tally(NUM_CLASSES, torch.device("cpu"))
+        self.tally = Tally(NUM_CLASSES, self.device)
         self.ms, self.cpu_ms = [], []
 
     def step(self, batch):
         """Do one step."""
         started, cpu_started = perf_counter(), process_time()
+        batch = self.objective.move(batch)
         self.optimiser.zero_grad(set_to_none=True)
+        if self.twin:
+            sparse.gather_neighbours = sparse.sum_neighbours
         outcome = self.objective.evaluate(self.network, batch)
         total = self.objective.total(outcome)
         total.backward()
         self.optimiser.step()
         self.tally.add(outcome, total, batch.semantic)
+        if self.device.type == "cuda":
+            torch.cuda.synchronize()
+        sparse.gather_neighbours = GATHER
         self.ms.append(1e3 * (perf_counter() - started))
         self.cpu_ms.append(1e3 * (process_time() - cpu_started))
 
@@ -71,13 +83,12 @@ class Stepper:
         }
 
 
-def objective_of(network, precision):
+def objective_of(network, precision, device):
     """Make what is to become small for a network."""
-    cpu = torch.device("cpu")
     if isinstance(network, UNet):
         settings = TrainSettings(architecture="unet", precision=precision, **WINDOW_TRAINING)
-        return WindowObjective(settings, None, cpu)
-    return Objective(TrainSettings(precision=precision), None, cpu)
+        return WindowObjective(settings, None, device)
+    return Objective(TrainSettings(precision=precision), None, device)
 
 
 def make_batch(rng):
@@ -103,10 +114,10 @@ def make_window(rng):
     return voxel[np.sort(rng.permutation(len(voxel))[:WINDOW_VOXELS])]
 
 
-def make_windows(rng):
-    """Draw a batch of two windows, far from each other as in training."""
+def make_windows(rng, count=2):
+    """Draw a batch of some windows, far from each other as in training."""
     apart = np.array([1 << 13, 0, 0], np.int32)
-    voxel = np.concatenate([make_window(rng), make_window(rng) + apart])
+    voxel = np.concatenate([make_window(rng) + number * apart for number in range(count)])
     inputs = torch.from_numpy(rng.normal(size=(len(voxel), NUM_INPUTS)).astype(np.float32))
     semantic = torch.from_numpy(rng.integers(0, NUM_CLASSES, len(voxel)))
     instance = torch.from_numpy(rng.integers(1, 40, len(voxel)))
@@ -119,6 +130,8 @@ def main() -> None:
     parser.add_argument("--net", choices=("mcpnet", "unet"), default="mcpnet")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--steps", type=int, default=100)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--windows", type=int, default=2)
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     rng = np.random.default_rng(0)
@@ -132,10 +145,14 @@ def main() -> None:
         },
     )
     if arguments.net == "unet":
-        make, steppers = (
-            make_windows,
-            {name: Stepper(UNet(NUM_CLASSES), name) for name in ("fp32", "bf16")},
-        )
+        make = partial(make_windows, count=arguments.windows)
+        steppers = {
+            name: Stepper(UNet(NUM_CLASSES), name, device=arguments.device)
+            for name in ("fp32", "bf16")
+        }
+        if arguments.device != "cpu":
+            twin = Stepper(UNet(NUM_CLASSES), "bf16", device=arguments.device, twin=True)
+            steppers["bf16, neighbours one by one"] = twin
     for _ in range(arguments.steps):
         batch = make(rng)
         for stepper in steppers.values():
