@@ -1,6 +1,7 @@
 """Time of a training step: of MCPNet, plain and ours, or of the sparse U-Net.
 
-    python -m tests.benchmarks.training [--net unet] [--threads 2] [--steps 100] [--device cuda] [--windows 16]
+    python -m tests.benchmarks.training [--net unet] [--threads 2] [--steps 100] [--device cuda]
+    [--windows 16]
 
 A step is forward, losses, backward, update, scores. MCPNet's has 256 points with 50 context points
 each; layers and Adam as torch gives them and ours take turns, so that what else the machine does
