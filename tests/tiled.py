@@ -73,6 +73,7 @@ class Scan:
     """What a page asks of a scan."""
 
     floor: float = 0.0
+    place: tuple[float, float, float] = (2.0, 2.0, 1.0)
 
 
 @dataclass
@@ -87,10 +88,10 @@ class MadeUpRun:
 
     @property
     def poses(self) -> np.ndarray:
-        """Return (S, 4, 4) poses: all at one place."""
-        pose = np.eye(4)
-        pose[:3, 3] = 2.0, 2.0, 1.0
-        return np.broadcast_to(pose, (len(self.scans), 4, 4))
+        """Return (S, 4, 4) poses."""
+        poses = np.tile(np.eye(4), (len(self.scans), 1, 1))
+        poses[:, :3, 3] = [scan.place for scan in self.scans]
+        return poses
 
     def parts(self) -> Iterator[MapPart]:
         """Make the parts, one after the other; a piece is a part or a function that makes one."""

@@ -55,6 +55,20 @@ function columnsOf(facts, { buffer }) {
   return columns;
 }
 
+/** What a server gives as a map: facts and columns. */
+async function readMap(bytes) {
+  const end = 4 + new DataView(bytes.buffer).getUint32(0, true);
+  const facts = JSON.parse(new TextDecoder().decode(bytes.subarray(4, end)));
+  return { facts, columns: columnsOf(facts, await inflate(bytes.subarray(end))) };
+}
+
+/** The bytes at an address beside the page. */
+async function fetchBytes(address, options) {
+  const answer = await fetch(address, options);
+  if (!answer.ok) throw new Error(`${address}: ${answer.status}`);
+  return new Uint8Array(await answer.arrayBuffer());
+}
+
 /** The number of the first entry of ascending `ends` that is above `value`. */
 function firstAbove(ends, value) {
   let [low, high] = [0, ends.length];

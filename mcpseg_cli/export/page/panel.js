@@ -92,7 +92,7 @@ function makeViewButtons(viewer) {
   element("hint").textContent = isTouch
     ? "One finger turns, two move and zoom. Tap picks an object, tap twice shows it alone."
     : "Drag turns, right drag moves, wheel zooms. Click picks an object, double click shows it alone. " +
-      "Keys: Space plays, 1–5 colours, B boxes, M measures, F whole map, S screenshot, Esc clears.";
+      `Keys: ${viewer.facts.tiles ? "" : "Space plays, "}1–${viewer.facts.colours.length} colours, B boxes, M measures, F whole map, S screenshot, Esc clears.`;
 }
 
 /** Save what is to be seen as a picture. */
