@@ -2,6 +2,7 @@
 // html.py; three.js draws. Points are kept in the order they were first seen in: a point's place is its `row`.
 "use strict";
 
+let viewer; // of this page, for whoever looks at it with the tools of a browser
 const element = (id) => document.getElementById(id);
 const count = (number) => number.toLocaleString("en");
 

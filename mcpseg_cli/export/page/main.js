@@ -2,7 +2,7 @@
 
 async function main() {
   const [{ facts, columns }] = await Promise.all([openMap(), loadLibrary()]);
-  const viewer = new Viewer(element("canvas"));
+  viewer = new Viewer(element("canvas"));
   const picker = new Picker(viewer);
   const measure = new Measure(viewer);
   const timeline = facts.tiles ? undefined : new Timeline(viewer);
