@@ -1,4 +1,4 @@
-"""Pages in tiles that ``mcpseg export --split html`` wrote: read without a browser; made-up maps."""
+"""Pages in tiles, read without a browser, and maps that are made up for them."""
 
 import json
 import zlib

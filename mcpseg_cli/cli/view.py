@@ -44,6 +44,8 @@ def view(
     from mcpseg_cli.export.view_server import FollowedMap, serving, url_of
 
     is_page = is_tiled_page(run)
+    if is_page and color == "embedding":
+        raise typer.BadParameter("--color embedding: a page in tiles has no embeddings")
     served = PageFolder(run) if is_page else FollowedMap(run, color or "class")
     with serving(served) as server:
         url = url_of(server) + (f"#{color}" if is_page and color else "")

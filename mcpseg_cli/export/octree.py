@@ -46,7 +46,7 @@ class TileGrid:
     @property
     def corner(self) -> NDArray[np.float64]:
         """(3,) the lowest corner of all, metres, map frame."""
-        return (self.first - 0.5) * self.voxel_size
+        return (self.first.astype(np.float64) - 0.5) * self.voxel_size
 
     def edge(self, level: int) -> float:
         """Return the edge of the cubes of a level, metres."""
@@ -123,9 +123,7 @@ def _gathered(values: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def _nearest_of_runs(
-    groups: NDArray[np.int64], away: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _nearest_of_runs(groups: NDArray[np.int64], away: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the least ``away`` of each run of equal groups, the first of equals."""
     chosen = np.zeros(groups.size, np.bool_)
     best = 0

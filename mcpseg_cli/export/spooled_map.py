@@ -48,7 +48,7 @@ class SpooledMap:
 
     @property
     def columns(self) -> list[Column]:
-        """x and y of all columns that have a voxel, in order, in tiles from voxel 0."""
+        """Places of all columns that have a voxel, x and y in tiles from voxel 0, in order."""
         return self._seen.columns
 
     def add(self, part: MapPart) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mcpseg_cli.export.column_files import Column, ColumnFiles
+from mcpseg_cli.export.column_files import ColumnFiles
 from mcpseg_cli.export.floors import Ceilings, floor_heights
 from mcpseg_cli.export.normals import surface_normals
 from mcpseg_cli.export.octree import TileGrid, places_of
@@ -50,9 +50,7 @@ class TileWriter:
         most_height: Of a point above its floor, metres.
     """
 
-    def __init__(
-        self, run: LabelledRun, spooled: SpooledMap, folder: Path, scratch: Path
-    ) -> None:
+    def __init__(self, run: LabelledRun, spooled: SpooledMap, folder: Path, scratch: Path) -> None:
         self.grid = TileGrid.around(spooled.low, spooled.high, run.voxel_size)
         self.objects = TiledObjects(spooled.sizes, run.classes, scratch)
         self.ceilings = Ceilings()
@@ -130,10 +128,9 @@ class TileWriter:
         """Give the points of each tile, which are next to each other."""
         tiles = self.grid.tiles_of(points["key"], level)
         starts = np.flatnonzero(np.diff(tiles, prepend=-1))
-        for (x, y, z), rows in zip(
-            places_of(tiles[starts]).tolist(), np.split(points, starts[1:]), strict=False
-        ):
-            yield (x, y, z), rows
+        places = [(x, y, z) for x, y, z in places_of(tiles[starts]).tolist()]
+        # of no points there is one piece all the same
+        yield from zip(places, np.split(points, starts[1:]), strict=False)
 
     def _write_tile(self, tile: Tile, rows: NDArray[np.void]) -> None:
         level, x, y, z = tile
@@ -173,5 +170,3 @@ def tile_bytes(rows: NDArray[np.void], low: NDArray[np.float64], step: float) ->
         np.ascontiguousarray(rows["floor"]).view(np.uint8).reshape(-1, 2).T,
     ]
     return zlib.compress(np.concatenate(planes).tobytes(), 6)
-
-

@@ -1,4 +1,4 @@
-"""The objects of a map that is never in memory as a whole: some objects at a time, from the disk."""
+"""The objects of a map that is never in memory as a whole: some at a time, from the disk."""
 
 from __future__ import annotations
 

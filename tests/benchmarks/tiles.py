@@ -4,8 +4,8 @@
 
 The building is made, not labelled: storeys of furnished rooms, a scan in the middle of each. With
 --made-up it goes from memory into the tiles, room by room, without a checkpoint, which takes 126
-bytes a voxel on the disk, twice while it is exported. The export runs in a process of its own, whose
-peak memory is its own. The page is drawn in software: a graphics card is faster.
+bytes a voxel on the disk, twice while it is exported. The export runs in a process of its own,
+whose peak memory is its own. The page is drawn in software: a graphics card is faster.
 """
 
 from __future__ import annotations
@@ -99,7 +99,10 @@ def write_run(building: Building, folder: Path) -> None:
             name = f"{room:06d}.ply"
             parts.append((
                 ScanRecord(name, file, pose, 1, known, scan.floor, None, event, 0),
-                MapRows(part.xyz, part.rgb, part.semantic, part.confidence, part.instance, part.quantised),
+                MapRows(
+                    part.xyz, part.rgb, part.semantic, part.confidence, part.instance,
+                    part.quantised,
+                ),
             ))  # fmt: skip
             if len(parts) == 50 or room == building.rooms - 1:
                 state.commit_all(parts)

@@ -165,7 +165,8 @@ def test_the_same_map_gives_the_same_bytes_however_it_is_cut(tmp_path):
 def peak_of(tiles_along, folder):
     def piece(number):
         def make():
-            voxel = np.argwhere(np.ones((64, 64, 2), bool)) + [64 * number, 0, 0]
+            voxel = np.argwhere(np.ones((64, 64, 2), bool))
+            voxel[:, 0] += 64 * number
             part = made_up(voxel, number)
             return replace(part, instance=part.instance + np.int32(9 * number))
 
@@ -195,6 +196,10 @@ def test_a_page_of_before_is_replaced_as_a_whole_and_nothing_else_is(changing_ru
     before = files_of(tmp_path / "site")
     assert invoke(*words).exit_code == 1
     assert "give --overwrite" in invoke(*words).stderr
+
+    # nothing is chosen: what was there stays
+    assert invoke(*words, "--overwrite", "--box=90,90,90,91,91,91").exit_code == 1
+    assert files_of(tmp_path / "site") == before
 
     # fewer tiles than before
     assert invoke(*words, "--overwrite", "--box=-1,-1,-1,0.5,1,1").exit_code == 0

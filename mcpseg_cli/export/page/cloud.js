@@ -154,6 +154,11 @@ class Cloud {
     return this.labels.objectOf(row);
   }
 
+  /** Places of the objects that boxes are drawn around. */
+  boxed() {
+    return this.columns.object_ids.keys();
+  }
+
   /** The height of the floor under an object, or under what is shown. */
   floorOf() {
     return this.columns.floors[Math.max(this.uniforms.now.value - 1, 0)];

@@ -8,6 +8,7 @@ const KEPT = 1.5; // so many times what may be drawn is kept in memory
 const RETRY_MS = 4000;
 const TOGETHER_MS = 60; // tiles that arrive within this time are drawn together
 const LEAST_SAMPLE = 1500; // points that stand for the map where it is fitted
+const MOST_BOXES = 2000; // around objects
 const ROWS = 2 ** 24; // a point's row is its place in its tile, and so many times the tile's number
 
 class TiledCloud extends Cloud {
@@ -19,7 +20,7 @@ class TiledCloud extends Cloud {
   makePoints() {
     const { facts, uniforms } = this;
     this.points = new THREE.Scene();
-    this.budget = MOST_POINTS;
+    this.budget = window.innerWidth < NARROW ? MOST_POINTS / 2 : MOST_POINTS;
     this.highest = facts.highest;
     this.table = tableOf(new Uint8Array(4 * TABLE_WIDTH * 16), TABLE_WIDTH, 16);
     const perTile = { share: { value: 0 }, spacing: { value: 1 }, first: { value: 0 }, tile: { value: 0 } };
@@ -150,7 +151,7 @@ class TiledCloud extends Cloud {
       if (this.kept <= this.budget) return;
       this.points.remove(tile.mesh);
       tile.mesh.geometry.dispose();
-      Object.assign(tile, { mesh: undefined, isThere: false });
+      Object.assign(tile, { mesh: undefined, isThere: false, at: undefined, facing: undefined, label: undefined });
       this.kept -= tile.points;
     }
   }
@@ -256,6 +257,14 @@ class TiledCloud extends Cloud {
     return this.tileOf(row).label[row % ROWS] & 0xffffff;
   }
 
+  /** Places of the objects that boxes are drawn around: those nearest to what is looked at. */
+  boxed(target) {
+    const { object_sizes, object_boxes } = this.columns;
+    const away = (k) => Math.hypot(...[0, 1, 2].map((axis) => object_boxes[7 * k + axis] - target[axis]));
+    const near = [...object_sizes.keys()].filter((k) => k && object_sizes[k]).map((k) => [away(k), k]);
+    return near.sort((a, b) => a[0] - b[0]).slice(0, MOST_BOXES).map(([, k]) => k);
+  }
+
   firstSeenOf() {
     return [];
   }
@@ -347,6 +356,8 @@ async function beginWithTiles(viewer) {
   await cloud.loadTop();
   element("budget-row").hidden = false;
   const [slider, output] = [element("budget"), element("drawn")];
+  slider.value = cloud.budget / 1e6;
+  viewer.eye.controls.addEventListener("end", () => { if (viewer.areBoxesShown) viewer.drawBoxes(); });
   slider.oninput = () => {
     cloud.budget = 1e6 * Number(slider.value);
     viewer.redraw();

@@ -79,8 +79,8 @@ class Viewer extends Stage {
   drawBoxes() {
     const { object_sizes, object_boxes, object_classes, class_colours } = this.columns;
     const stretches = [];
-    for (let k = 1; this.areBoxesShown && k < object_sizes.length; k++) {
-      const isShown = object_sizes[k] && this.cloud.hasSeen(k, this.scan) && !this.hiddenClasses.has(this.nameOf(object_classes[k]));
+    for (const k of this.areBoxesShown ? this.cloud.boxed(this.eye.controls.target.toArray()) : []) {
+      const isShown = k && object_sizes[k] && this.cloud.hasSeen(k, this.scan) && !this.hiddenClasses.has(this.nameOf(object_classes[k]));
       if (!isShown || (this.state.only >= 0 && k !== this.state.only)) continue;
       const box = this.belowCut(object_boxes.subarray(7 * k, 7 * k + 7), this.cloud.floorOf(k));
       const tint = [...class_colours.subarray(3 * object_classes[k], 3 * object_classes[k] + 3)].map((c) => c / 255);
