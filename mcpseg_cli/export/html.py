@@ -20,8 +20,8 @@ from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _SCRIPTS = (
-    "data", "shaders", "labels", "cloud", "tiles", "lines", "camera", "stage", "viewer", "picking",
-    "panel", "objects", "timeline", "input", "live", "main",
+    "data", "shaders", "labels", "cloud", "tile", "tiles", "lines", "camera", "stage", "viewer",
+    "picking", "panel", "objects", "timeline", "input", "live", "main",
 )  # fmt: skip
 
 

@@ -11,14 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ColourBy
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.colours import class_palette, confidence_colours
-from mcpseg_cli.export.floors import floor_heights
 from mcpseg_cli.export.html import map_bytes, tiled_page_text
 from mcpseg_cli.export.octree import CELLS
-from mcpseg_cli.export.page_map import PageMap, legend, object_columns, pack
+from mcpseg_cli.export.page_map import Columns, PageMap, legend, object_columns, pack
 from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.spooled_map import SpooledMap
 from mcpseg_cli.export.tiled_map import TileWriter
@@ -131,23 +131,9 @@ def _describe(
 ) -> PageMap:
     """Put together what the page knows but for the points."""
     origin = (spooled.lowest.astype(np.float64) + spooled.highest) / 2
-    objects = writer.objects.listed()
-    tiles = sorted(writer.tiles)
-    every = -(-len(run.scans) // _MOST_POSES)
-    path, floors = run.poses[::every, :3, 3], floor_heights(run)[::every]
-    place = np.array(tiles, np.uint32)
-    columns = {
-        **object_columns(writer.objects.ids, objects, run.classes, origin),
-        "object_floors": (writer.objects.floors - origin[2]).astype(np.float32),
-        "class_colours": class_palette(run.classes),
-        "confidence_colours": confidence_colours(np.linspace(0.0, 1.0, 256)),
-        "path": (path - origin).astype(np.float32),
-        "floors": (floors - origin[2]).astype(np.float32),
-        "tile_levels": place[:, 0].astype(np.uint8),
-        "tile_places": place[:, 1:],
-        "tile_points": np.array([writer.tiles[tile] for tile in tiles], np.uint32),
-    }
-    cloud, table = pack(columns)
+    objects, grid = writer.objects.listed(), writer.grid
+    known = object_columns(writer.objects.ids, objects, run.classes, origin)
+    cloud, table = pack({**known, **_columns(run, writer, origin)})
     facts: dict[str, object] = {
         "num_points": len(spooled),
         "num_scans": len(run.scans),
@@ -162,15 +148,31 @@ def _describe(
         "colour": colour_by,
         "columns": table,
         "tiles": {
-            "corner": (writer.grid.corner - origin).tolist(),
-            "depth": writer.grid.depth,
+            "corner": (grid.corner - origin).tolist(),
+            "depth": grid.depth,
             "cells": CELLS,
-            "steps": [writer.grid.step(level) for level in range(writer.grid.depth + 1)],
+            "steps": [grid.step(level) for level in range(grid.depth + 1)],
             "lowest_floor": writer.lowest_floor - float(origin[2]),
             "floor_step": writer.floor_step,
         },
     }
     return PageMap(facts, cloud, len(spooled))
+
+
+def _columns(run: LabelledRun, writer: TileWriter, origin: NDArray[np.float64]) -> Columns:
+    """Give the columns of tiles, colours and the path."""
+    tiles = sorted(writer.tiles)
+    place = np.array(tiles, np.uint32)
+    every = -(-len(run.scans) // _MOST_POSES)
+    return {
+        "object_floors": (writer.objects.floors - origin[2]).astype(np.float32),
+        "class_colours": class_palette(run.classes),
+        "confidence_colours": confidence_colours(np.linspace(0.0, 1.0, 256)),
+        "path": (run.poses[::every, :3, 3] - origin).astype(np.float32),
+        "tile_levels": place[:, 0].astype(np.uint8),
+        "tile_places": place[:, 1:],
+        "tile_points": np.array([writer.tiles[tile] for tile in tiles], np.uint32),
+    }
 
 
 class PageFolder:

@@ -166,8 +166,10 @@ def test_what_is_under_the_pointer_is_named_and_distances_are_measured(opened):
     opened.page.mouse.move(x, y)
     opened.page.locator("#tip").wait_for(timeout=MOST_MS)
     assert opened.text("tip").split()[0] in S3DIS_CLASSES
+    opened.page.click("#top")
+    x, y = opened.middle()
     opened.page.keyboard.press("m")
-    for at in (x, x + 20):
+    for at in (x - 20, x + 20):
         opened.page.mouse.click(at, y)
         opened.rest()
     opened.page.locator("#distance").wait_for()

@@ -88,7 +88,7 @@ class TiledCloud extends Cloud {
       this.shown.push(tile);
       chosen += tile.points;
     }
-    this.listShown();
+    listShown(this.shown, this.frame, this.table);
     this.drop();
     this.loadMore();
     return { chosen, growth: 1 };
@@ -117,25 +117,6 @@ class TiledCloud extends Cloud {
     let points = 0;
     const end = found.findIndex((tile) => (points += tile.points) > this.budget && tile.level > 0);
     return end < 0 ? found : found.slice(0, end);
-  }
-
-  /** List for the graphics card which eighths of every tile shown are shown, too. */
-  listShown() {
-    const { data } = this.table.image;
-    const order = this.shown.length ? [this.tiles[0]] : [];
-    for (let k = 0; k < order.length; k++) {
-      const first = order.length;
-      let eighths = 0;
-      order[k].place = k;
-      for (let eighth = 0; eighth < 8; eighth++) {
-        const below = order[k].below[eighth];
-        if (below?.frame !== this.frame) continue;
-        eighths |= 1 << eighth;
-        order.push(below);
-      }
-      data.set([eighths, first & 255, (first >> 8) & 255, first >> 16], 4 * k);
-    }
-    this.table.needsUpdate = true;
   }
 
   limit(start, number) {
@@ -198,16 +179,10 @@ class TiledCloud extends Cloud {
   }
 
   makeMesh(tile, planes) {
-    const geometry = new THREE.BufferGeometry();
-    const { at, facing, paint, label } = unpack(tile, planes, this.facts.tiles);
-    geometry.setAttribute("position", new THREE.BufferAttribute(at, 4, false));
-    geometry.setAttribute("normal", new THREE.BufferAttribute(facing, 4, true));
-    geometry.setAttribute("paint", new THREE.BufferAttribute(paint, 4, true));
-    geometry.setAttribute("label", new THREE.BufferAttribute(label, 1, false));
-    geometry.boundingSphere = new THREE.Sphere();
-    tile.mesh = new THREE.Points(geometry, this.material);
+    const arrays = unpack(tile, planes, this.facts.tiles);
+    tile.mesh = new THREE.Points(geometryOf(arrays), this.material);
     Object.assign(tile.mesh, { frustumCulled: false, visible: false });
-    Object.assign(tile, { at, facing, label });
+    Object.assign(tile, { at: arrays.at, facing: arrays.facing, label: arrays.label });
 
     const { uniforms, material } = this;
     const low = new THREE.Vector3(...tile.low);
@@ -315,55 +290,4 @@ class TiledCloud extends Cloud {
     const every = Math.max(1, Math.ceil(found.length / most));
     return found.filter((_, k) => k % every === 0);
   }
-}
-
-/** The arrays of a tile's points from its planes of bytes, see tiled_map.py. */
-function unpack({ points: n, low, step }, planes, { lowest_floor, floor_step }) {
-  const [at, facing] = [new Uint16Array(4 * n), new Int8Array(4 * n)];
-  const [paint, label] = [new Uint8Array(4 * n), new Uint32Array(n)];
-  for (let k = 0; k < n; k++) {
-    const byte = (plane) => planes[plane * n + k];
-    for (let axis = 0; axis < 3; axis++) {
-      at[4 * k + axis] = byte(2 * axis) | (byte(2 * axis + 1) << 8);
-      facing[4 * k + axis] = byte(6 + axis);
-      paint[4 * k + axis] = byte(9 + axis);
-    }
-    const floor = lowest_floor + floor_step * (byte(17) | (byte(18) << 8));
-    const height = low[2] + step * at[4 * k + 2] - floor;
-    at[4 * k + 3] = Math.min(Math.max((height - HEIGHT_LOW) / HEIGHT_STEP, 0), 65535);
-    facing[4 * k + 3] = byte(13) >> 1;
-    label[k] = (byte(12) << 24) | byte(14) | (byte(15) << 8) | (byte(16) << 16);
-  }
-  return { at, facing, paint, label };
-}
-
-/** The six sides of what a camera sees, [a, b, c, d] each: a x + b y + c z + d is above 0 inside. */
-function sidesOf(m) {
-  const line = (row) => [m[row], m[row + 4], m[row + 8], m[row + 12]];
-  const last = line(3);
-  return [0, 1, 2].flatMap((row) => [1, -1].map((sign) => line(row).map((value, k) => last[k] + sign * value)));
-}
-
-/** Whether a cube is wholly outside of a side. */
-function isBehind(a, b, c, d, [x, y, z], half) {
-  return a * x + b * y + c * z + d + half * (Math.abs(a) + Math.abs(b) + Math.abs(c)) < 0;
-}
-
-/** Begin with the uppermost tiles; a slider says how many points are drawn, and a line how many are. */
-async function beginWithTiles(viewer) {
-  const { cloud, facts } = viewer;
-  viewer.resize();
-  await cloud.loadTop();
-  element("budget-row").hidden = false;
-  const [slider, output] = [element("budget"), element("drawn")];
-  slider.value = cloud.budget / 1e6;
-  viewer.eye.controls.addEventListener("end", () => { if (viewer.areBoxesShown) viewer.drawBoxes(); });
-  slider.oninput = () => {
-    cloud.budget = 1e6 * Number(slider.value);
-    viewer.redraw();
-  };
-  viewer.afterDrawing.push(() => {
-    const points = cloud.shown.reduce((sum, tile) => sum + tile.points, 0);
-    output.textContent = `${count(points)} of ${count(facts.num_points)} points drawn, at most ${slider.value} million`;
-  });
 }
