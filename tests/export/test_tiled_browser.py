@@ -184,6 +184,10 @@ def test_an_object_of_the_list_is_flown_to(opened):
     loaded(opened)
     assert len(tiles_asked(opened)) >= asked
     assert "points)" in opened.text("picked")
+    before = opened.scene()
+    opened.page.keyboard.press("b")
+    assert differing(opened.scene(), before) > 100
+    opened.page.keyboard.press("b")
     opened.page.click("#tabs button[value=map]")
 
 

@@ -1,6 +1,7 @@
 """A page that loads tiles: every voxel is in one of them, evenly, whatever the map's size."""
 
 import json
+import re
 import tracemalloc
 from dataclasses import replace
 
@@ -270,3 +271,15 @@ def test_more_objects_than_a_page_can_tell_apart_are_refused(tmp_path, monkeypat
     run = MadeUpRun([made_up(np.argwhere(np.ones((9, 9, 2), bool)))])
     with pytest.raises(McpsegError, match="8 objects; expected at most 4"):
         write_tiled_page(run, tmp_path / "site", Selection())
+
+
+def test_view_gives_out_such_a_page_in_the_colours_asked_for(site, monkeypatch):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("http.server.ThreadingHTTPServer.serve_forever", interrupted)
+    shown = invoke("view", site, "--no-open", "--color", "rgb")
+    assert (shown.exit_code, shown.stderr) == (0, "Ctrl-C ends this\nended\n")
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/#rgb\n", shown.stdout)
+    assert re.fullmatch(r"http.*:\d+/\n", invoke("view", site, "--no-open").stdout)
+    assert "has no embeddings" in invoke("view", site, "--no-open", "--color", "embedding").stderr

@@ -8,6 +8,7 @@ const KEPT = 1.5; // so many times what may be drawn is kept in memory
 const RETRY_MS = 4000;
 const TOGETHER_MS = 60; // tiles that arrive within this time are drawn together
 const LEAST_SAMPLE = 1500; // points that stand for the map where it is fitted
+const MOST_TILES = 16 * TABLE_WIDTH; // drawn at once
 const MOST_BOXES = 2000; // around objects
 const ROWS = 2 ** 24; // a point's row is its place in its tile, and so many times the tile's number
 
@@ -22,7 +23,7 @@ class TiledCloud extends Cloud {
     this.points = new THREE.Scene();
     this.budget = window.innerWidth < NARROW ? MOST_POINTS / 2 : MOST_POINTS;
     this.highest = facts.highest;
-    this.table = tableOf(new Uint8Array(4 * TABLE_WIDTH * 16), TABLE_WIDTH, 16);
+    this.table = tableOf(new Uint8Array(4 * MOST_TILES), TABLE_WIDTH, MOST_TILES / TABLE_WIDTH);
     const perTile = { share: { value: 0 }, spacing: { value: 1 }, first: { value: 0 }, tile: { value: 0 } };
     Object.assign(uniforms, perTile, { drawn: { value: this.table } });
     this.makeMaterial(TILE_VERTEX);
@@ -83,6 +84,7 @@ class TiledCloud extends Cloud {
       if (!tile.isThere) continue;
       this.total += tile.points;
       if (chosen + tile.points > most && chosen) continue;
+      if (this.shown.length === MOST_TILES) break;
       if (tile.above && tile.above.frame !== this.frame) continue;
       Object.assign(tile, { first: chosen, frame: this.frame });
       this.shown.push(tile);
