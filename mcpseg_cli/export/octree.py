@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mcpseg_cli.errors import OutputError
 from mcpseg_cli.grid import voxel_of
 
 CELLS = 64
@@ -20,6 +21,7 @@ CELLS = 64
 CELL_BITS = 6
 _FINEST = 128  # steps that positions have within a voxel, at least while 16 bits suffice
 _MOST_STEPS = 65_535
+_MOST_TILES = 1 << 15  # along an axis: 21 bits of a key tell cells apart
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,24 @@ class TileGrid:
 
     @classmethod
     def around(cls, low: NDArray[np.int32], high: NDArray[np.int32], voxel_size: float) -> TileGrid:
-        """Return the smallest tree around voxels, given their least and greatest indices, (3,)."""
+        """Return the smallest tree around voxels.
+
+        Args:
+            low: (3,) least index along each axis.
+            high: (3,) greatest.
+            voxel_size: Metres.
+
+        Raises:
+            OutputError: They reach farther than keys tell apart.
+        """
         first, last = low.astype(np.int64) // CELLS, high.astype(np.int64) // CELLS
         tiles = int((last - first).max()) + 1
+        if tiles > _MOST_TILES:
+            raise OutputError(
+                f"a map {tiles * CELLS * voxel_size / 1000:,.0f} km long; expected at most "
+                f"{_MOST_TILES * CELLS * voxel_size / 1000:,.0f} km on a page in tiles; take a "
+                "part of it with --box"
+            )
         return cls(voxel_size, first * CELLS, (tiles - 1).bit_length())
 
     @property

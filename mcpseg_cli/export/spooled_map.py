@@ -31,7 +31,6 @@ class SpooledMap:
         low, high: (3,) int32 least and greatest voxel.
         lowest, highest: (3,) float32 corners of the points, metres, map frame.
         num_points: (256,) int64 points of each class.
-        sizes: (K,) int64 points of each object by id, 0 of none first.
     """
 
     def __init__(self, folder: Path, voxel_size: float) -> None:
@@ -41,10 +40,15 @@ class SpooledMap:
         self.low, self.high = np.full(3, 1 << 30, np.int32), np.full(3, -(1 << 30), np.int32)
         self.lowest, self.highest = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
         self.num_points = np.zeros(256, np.int64)
-        self.sizes = np.zeros(1, np.int64)
+        self._sizes = np.zeros(1, np.int64)  # and zeros behind those that there are
 
     def __len__(self) -> int:
         return int(self.num_points.sum())
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """(K,) points of each object by id, 0 of none first, up to the last that has a point."""
+        return np.trim_zeros(self._sizes, "b")
 
     @property
     def columns(self) -> list[Column]:
@@ -92,6 +96,7 @@ class SpooledMap:
         self.lowest = np.minimum(self.lowest, part.xyz.min(axis=0))
         self.highest = np.maximum(self.highest, part.xyz.max(axis=0))
         self.num_points += np.bincount(part.semantic, minlength=256)
-        sizes = np.bincount(part.instance, minlength=len(self.sizes))
-        sizes[: len(self.sizes)] += self.sizes
-        self.sizes = sizes
+        ids, counts = np.unique(part.instance, return_counts=True)
+        if ids[-1] >= len(self._sizes):
+            self._sizes = np.pad(self._sizes, (0, int(ids[-1])))
+        self._sizes[ids] += counts

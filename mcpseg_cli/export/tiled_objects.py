@@ -45,9 +45,10 @@ class TiledObjects:
             )
         self._classes = classes
         self._rows = ColumnFiles(folder, _ROW, "objects")
-        self._batch = np.cumsum(sizes[self.ids]) // _TOGETHER
+        counts = np.append(sizes, 0)[self.ids]
+        self._batch = np.cumsum(counts) // _TOGETHER
         self._floors = np.zeros(len(self.ids))
-        self._sizes = sizes[self.ids]
+        self._sizes = counts
 
     def add(self, seen: NDArray[np.void], floor: NDArray[np.float64]) -> NDArray[np.int64]:
         """Take note of voxels.
@@ -60,7 +61,7 @@ class TiledObjects:
             (N,) places of their objects in ``ids``.
         """
         place: NDArray[np.int64] = np.searchsorted(self.ids, seen["instance"])
-        self._floors += np.bincount(place, floor, minlength=len(self.ids))
+        np.add.at(self._floors, place, floor)
         owned = np.flatnonzero(place)
         rows = np.empty(len(owned), _ROW)
         for name in _ROW.names or ():
