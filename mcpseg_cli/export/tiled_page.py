@@ -42,8 +42,8 @@ def write_tiled_page(
 ) -> tuple[int, int]:
     """Write the chosen voxels as a page in a folder and the tiles that it loads.
 
-    No more than a column of tiles is ever held, and what is known of objects; the disk has the
-    points about three times for a while. The page of before is there until the new one is complete.
+    No more than a column of tiles is ever held, and what is known of objects; the disk has some
+    40 bytes a voxel for a while. The page of before is there until the new one is complete.
 
     Args:
         run: The map.

@@ -12,9 +12,11 @@ from mcpseg_cli.export.selection import Selection
 from mcpseg_cli.export.tiled_page import PageFolder, write_tiled_page
 from mcpseg_cli.export.view_server import serving, url_of
 from tests.pages import MOST_MS, PHONE, Opened, differing, is_drawn
-from tests.tiled import MadeUpRun, made_up, read_tiled
+from tests.tiled import MadeUpRun, Scan, made_up, read_tiled
 
 LOADED = 'body[data-loading="0"][data-rest="yes"]'
+
+SCANS = [Scan(place=(0.5 * number, 0.8, 1.0)) for number in range(501)]
 
 
 def street(tiles_along: int) -> list:
@@ -35,7 +37,7 @@ def street(tiles_along: int) -> list:
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("street") / "site"
-    write_tiled_page(MadeUpRun(street(40)), folder, Selection())
+    write_tiled_page(MadeUpRun(street(40), scans=SCANS), folder, Selection())
     return folder
 
 
@@ -94,6 +96,12 @@ def test_it_opens_with_what_is_large_and_leaves_the_rest_where_it_is(browser, ad
     assert is_drawn(opened.scene()).sum() > 5_000
     assert f"{tiled.facts['num_points']:,} points" in opened.text("summary")
     assert opened.page.is_hidden("#time")
+
+    # a long path would cover the map
+    assert not opened.page.is_checked("#path")
+    before = opened.scene()
+    opened.page.check("#path")
+    assert differing(opened.scene(), before) > 100
     assert opened.complaints == []
 
     # near the map its finest tiles come

@@ -17,6 +17,7 @@ async function main() {
   };
   element("time").hidden = Boolean(facts.tiles);
   show(facts, columns);
+  element("path").checked = viewer.isPathShown;
   if (facts.tiles) await beginWithTiles(viewer);
   makeColourButtons(viewer);
   makeViewButtons(viewer);

@@ -1,6 +1,7 @@
 // What is shown of a map: which scans, labels, classes, objects and heights, in which colours.
 
 const PATH_COLOUR = [1, 1, 1, 0.9];
+const CLEAR_PATH = 500; // scans; the path of more would cover a building
 const MEASURE_COLOUR = [1, 1, 1, 1];
 
 class Viewer extends Stage {
@@ -28,7 +29,7 @@ class Viewer extends Stage {
       this.eye.shift([0, 1, 2].map((axis) => view.origin[axis] - facts.origin[axis]));
       Object.assign(this.state, { picked: this.placeOf(view.picked), only: this.placeOf(view.only), hovered: -1 });
     }
-    this.showPath(this.isPathShown ?? true);
+    this.showPath(this.isPathShown ?? !(facts.tiles && facts.num_scans > CLEAR_PATH));
     this.colourBy(this.how ?? facts.colour);
     this.showClasses();
     if (this.cut !== undefined) this.cutAt(this.cut);
