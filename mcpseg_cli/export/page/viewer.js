@@ -69,6 +69,7 @@ class Viewer extends Stage {
     const stretches = Array.from({ length: poses - 1 }, (_, k) => [at(k), at(k + 1), PATH_COLOUR]);
     this.lines.path.set(isShown ? stretches : []);
     if (this.scan) this.showScan(Math.min(this.scan, poses), this.isFinal);
+    else this.redraw();
   }
 
   showBoxes(areShown) {
