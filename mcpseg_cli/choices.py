@@ -59,6 +59,9 @@ ScanFormat = Literal["ply", "las", "laz", "npz", "pcd"]
 CloudFormat = Literal["ply", "las", "laz", "pcd", "npz", "h5", "e57"]
 """Formats that labelled maps and objects are exported to."""
 
+SplitFormat = Literal["ply", "las", "laz", "pcd", "npz", "h5", "e57", "html"]
+"""What a map is split into: clouds, or the tiles of a page."""
+
 ColourBy = Literal["rgb", "class", "instance", "embedding", "confidence"]
 """What the colours of points say."""
 

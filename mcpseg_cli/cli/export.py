@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mcpseg_cli.choices import CloudFormat, ColourBy, View
+from mcpseg_cli.choices import ColourBy, SplitFormat, View
 from mcpseg_cli.cli.options import Overwrite, Quiet
 from mcpseg_cli.errors import OutputError
 
@@ -72,8 +72,11 @@ def export(
         ),
     ] = None,
     split: Annotated[
-        CloudFormat | None,
-        typer.Option(help="Write a cloud of this format for each object into the folder -o."),
+        SplitFormat | None,
+        typer.Option(
+            help="Write a cloud of this format for each object into the folder -o; html: a page, "
+            "and the tiles that it loads, for maps of any size."
+        ),
     ] = None,
     tiles: Annotated[
         float | None,
@@ -116,6 +119,7 @@ def export(
       mcpseg export out/ -o relabelled/ --scans scans/
       mcpseg export out/ -o objects/ --split ply --class chair,table
       mcpseg export out/ -o tiles/ --split laz --tiles 20
+      mcpseg export out/ -o site/ --split html
       mcpseg export weights.safetensors -o model.onnx
     """
     from mcpseg_cli.export.targets import check_targets
@@ -125,6 +129,8 @@ def export(
         raise typer.BadParameter("--scans and --split both fill the folder -o; give one of them")
     if tiles is not None and split is None:
         raise typer.BadParameter("--tiles needs --split FORMAT, the format of the tiles")
+    if tiles is not None and split == "html":
+        raise typer.BadParameter("--tiles is for clouds; a page has tiles of its own")
     request = _Request(
         _selection(class_names, instances, min_confidence, min_points, box),
         color or "rgb",
@@ -223,7 +229,13 @@ def _draw(run: LabelledRun, output: Path, request: _Request) -> int:
 
 
 def _fill_folder(run: LabelledRun, output: Path, request: _Request, progress: _Progress) -> str:
-    """Write the relabelled scans, or a cloud for each object or tile."""
+    """Write the relabelled scans, a cloud for each object or tile, or a page and its tiles."""
+    if request.split == "html":
+        from mcpseg_cli.export.tiled_page import write_tiled_page
+
+        colour_by, told = request.pictures.colour_by, progress.advance
+        points, count = write_tiled_page(run, output, request.selection, colour_by, told)
+        return f"{points:,} points in {count:,} tiles"
     if request.tiles is not None:
         from mcpseg_cli.export.tiles import write_tiles
 

@@ -12,12 +12,17 @@ def view(
     run: Annotated[
         Path,
         typer.Argument(
-            metavar="OUT", help="Folder of a run of 'mcpseg segment', which may be in progress."
+            metavar="OUT",
+            help="Folder of a run of 'mcpseg segment', which may be in progress, or of a page that "
+            "'mcpseg export --split html' wrote.",
         ),
     ],
     color: Annotated[
-        ColourBy, typer.Option(help="What the colours of points say at first.")
-    ] = "class",
+        ColourBy | None,
+        typer.Option(
+            help="What the colours of points say at first; default: class, or what the page says."
+        ),
+    ] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Only print the address; open no browser.")
     ] = False,
@@ -31,13 +36,19 @@ def view(
     Examples:
       mcpseg view out/
       mcpseg view out/ --color instance --no-open
+      mcpseg view site/
     """
     import webbrowser
 
+    from mcpseg_cli.export.tiled_page import PageFolder, is_tiled_page
     from mcpseg_cli.export.view_server import FollowedMap, serving, url_of
 
-    with serving(FollowedMap(run, color)) as server:
-        url = url_of(server)
+    is_page = is_tiled_page(run)
+    if is_page and color == "embedding":
+        raise typer.BadParameter("--color embedding: a page in tiles has no embeddings")
+    served = PageFolder(run) if is_page else FollowedMap(run, color or "class")
+    with serving(served) as server:
+        url = url_of(server) + (f"#{color}" if is_page and color else "")
         typer.echo(url)
         if not no_open and not webbrowser.open(url):
             typer.echo("no browser here; open the address yourself", err=True)

@@ -41,17 +41,38 @@ def below_ceiling(height: NDArray[np.floating], normal: NDArray[np.floating]) ->
     Returns:
         Metres above the floor; None where hardly anything looks down from above.
     """
-    hanging = height[(normal[:, 2] < _FACING_DOWN) & (height > _LEAST_CUT)]
-    if len(hanging) <= _LEAST_SHARE * len(height):
-        return None
-    number = np.floor((hanging - _LEAST_CUT) / _BIN).astype(np.int64)
-    counts = np.bincount(number)
+    ceilings = Ceilings()
+    ceilings.add(height, normal)
+    return ceilings.cut()
 
-    # a layer may be halved by the border of two bins
-    layers = counts + np.append(counts[1:], 0)
-    lowest = int(np.argmax(layers >= _LAYER_SHARE * layers.max()))
-    ceiling = _LEAST_CUT + (lowest - 0.5) * _BIN
-    return round(max(_KEPT * ceiling, _LEAST_CUT), 2)
+
+class Ceilings:
+    """Counts what hangs over the floor, of a map that comes in parts."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(0, np.int64)  # what looks down, by height
+        self._total = 0
+
+    def add(self, height: NDArray[np.floating], normal: NDArray[np.floating]) -> None:
+        """Count points, see ``below_ceiling``."""
+        hanging = height[(normal[:, 2] < _FACING_DOWN) & (height > _LEAST_CUT)]
+        number = np.floor((hanging - _LEAST_CUT) / _BIN).astype(np.int64)
+        counts = np.bincount(number, minlength=len(self._counts))
+        counts[: len(self._counts)] += self._counts
+        self._counts = counts
+        self._total += len(height)
+
+    def cut(self) -> float | None:
+        """Choose the height, see ``below_ceiling``."""
+        counts = self._counts
+        if counts.sum() <= _LEAST_SHARE * self._total:
+            return None
+
+        # a layer may be halved by the border of two bins
+        layers = counts + np.append(counts[1:], 0)
+        lowest = int(np.argmax(layers >= _LAYER_SHARE * layers.max()))
+        ceiling = _LEAST_CUT + (lowest - 0.5) * _BIN
+        return round(max(_KEPT * ceiling, _LEAST_CUT), 2)
 
 
 def are_below_ceiling(

@@ -20,8 +20,8 @@ from mcpseg_cli.resumable import write_whole
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _SCRIPTS = (
-    "data", "shaders", "labels", "cloud", "lines", "camera", "stage", "viewer", "picking", "panel",
-    "objects", "timeline", "input", "live", "main",
+    "data", "shaders", "labels", "cloud", "tile", "tiles", "lines", "camera", "stage", "viewer",
+    "picking", "panel", "objects", "timeline", "input", "live", "main",
 )  # fmt: skip
 
 
@@ -58,15 +58,27 @@ def page_text(name: str, page_map: PageMap, moment: str | None = None) -> str:
         moment: Of a run that is served, which moment of it this is; the page asks its server for
             later ones. None for a page that never asks for anything.
     """
+    cloud = base64.b64encode(page_map.packed).decode("ascii")
+    facts = page_map.facts | {"moment": moment}
+    return _page_text(name, facts, cloud, "'none'" if moment is None else "'self'")
+
+
+def tiled_page_text(name: str) -> str:
+    """Put a page together that loads its map, ``map.bin``, and then tiles from where it is."""
+    return _page_text(name, {"map": "map.bin"}, "", "'self'")
+
+
+def _page_text(name: str, facts: dict[str, object], cloud: str, connect: str) -> str:
+    """Fill the page; ``connect`` says what it may ask for."""
     # names from files must not end up as markup
     page = files("mcpseg_cli.export") / "page"
     scripts = [(page / f"{script}.js").read_text("utf-8") for script in _SCRIPTS]
     library = (page / "three.min.js").read_bytes()
     texts = {
         "title": escape(name or "map"),
-        "connect": "'none'" if moment is None else "'self'",
-        "facts": _as_script_json(page_map.facts | {"moment": moment}),
-        "cloud": base64.b64encode(page_map.packed).decode("ascii"),
+        "connect": connect,
+        "facts": _as_script_json(facts),
+        "cloud": cloud,
         "licence": (page / "three.LICENSE").read_text("utf-8"),
         "library": base64.b64encode(zlib.compress(library, 9)).decode("ascii"),
         "style": (page / "page.css").read_text("utf-8"),
@@ -75,7 +87,7 @@ def page_text(name: str, page_map: PageMap, moment: str | None = None) -> str:
     return _fill((page / "page.html").read_text("utf-8"), texts)
 
 
-def map_bytes(page_map: PageMap, moment: str) -> bytes:
+def map_bytes(page_map: PageMap, moment: str | None) -> bytes:
     """Put a map as a page asks for it: length of the facts in four bytes, facts, cloud."""
     facts = json.dumps(page_map.facts | {"moment": moment}).encode("utf-8")
     return len(facts).to_bytes(4, "little") + facts + page_map.packed

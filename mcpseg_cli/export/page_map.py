@@ -98,7 +98,7 @@ def gather_map(run: LabelledRun, selection: Selection, colour_by: ColourBy) -> P
     objects = _objects(points, run.classes)
     columns = {
         **_point_columns(points, local, step, normal),
-        **_object_columns(history.object_ids, objects, run.classes, origin),
+        **object_columns(history.object_ids, objects, run.classes, origin),
         **history.columns(points.instance),
         "class_colours": class_palette(run.classes),
         "confidence_colours": confidence_colours(np.linspace(0.0, 1.0, 256)),
@@ -106,7 +106,7 @@ def gather_map(run: LabelledRun, selection: Selection, colour_by: ColourBy) -> P
         "path": (eyes - origin).astype(np.float32),
         "floors": (floors - origin[2]).astype(np.float32),
     }
-    cloud, table = _pack(columns)
+    cloud, table = pack(columns)
     facts: dict[str, object] = {
         "num_points": len(local),
         "num_scans": len(eyes),
@@ -116,7 +116,9 @@ def gather_map(run: LabelledRun, selection: Selection, colour_by: ColourBy) -> P
         "step": step,
         "voxel_size": run.voxel_size,
         "cut": below_ceiling(points.xyz[:, 2] - floors[points.scan], normal),
-        "classes": _legend(points.semantic, history.classes, run.classes),
+        "classes": legend(
+            np.bincount(points.semantic, minlength=256), history.classes, run.classes
+        ),
         "colours": COLOUR_BY,
         "colour": colour_by,
         "columns": table,
@@ -159,13 +161,20 @@ def _point_columns(
     }
 
 
-def _object_columns(
+def object_columns(
     ids: NDArray[np.int32],
     objects: list[MapObject],
     classes: tuple[str, ...],
     origin: NDArray[np.float64],
 ) -> Columns:
-    """Give a row for every object there ever was; size 0 for those that are none any more."""
+    """Give a row for every object there ever was; size 0 for those that are none any more.
+
+    Args:
+        ids: (K,) int32 all of them, ascending.
+        objects: Those of now.
+        classes: Names by class.
+        origin: (3,) the place that is 0 on the page, metres, map frame.
+    """
     place = np.searchsorted(ids, [item.id for item in objects])
     number = {name: index for index, name in reversed(list(enumerate(classes)))}
     box = np.zeros((len(ids), 7), np.float32)
@@ -188,7 +197,7 @@ def _object_columns(
     }
 
 
-def _pack(columns: Columns) -> tuple[bytes, list[dict[str, str | int]]]:
+def pack(columns: Columns) -> tuple[bytes, list[dict[str, str | int]]]:
     """Put arrays one after another, each at a multiple of four bytes, and list where they are."""
     names = {np.dtype(dtype): name for name, dtype in _TYPES.items()}
     blob, table = bytearray(), []
@@ -200,11 +209,17 @@ def _pack(columns: Columns) -> tuple[bytes, list[dict[str, str | int]]]:
     return bytes(blob), table
 
 
-def _legend(
-    semantic: NDArray[np.uint8], past: NDArray[np.uint8], classes: tuple[str, ...]
+def legend(
+    num_points: NDArray[np.integer], past: NDArray[np.uint8], classes: tuple[str, ...]
 ) -> Legend:
-    """List the classes that occur now, and after them those that only occurred once."""
-    counts = np.bincount(semantic, minlength=256).tolist()
+    """List the classes that occur now, and after them those that only occurred once.
+
+    Args:
+        num_points: (256,) points of each class now.
+        past: (P,) uint8 classes that points ever had, ascending.
+        classes: Names by class.
+    """
+    counts = num_points.tolist()
     names = {**dict(enumerate(classes)), UNKNOWN: "unknown"}
     present = [index for index in range(256) if counts[index]]
     present += [index for index in past.tolist() if not counts[index]]

@@ -1,7 +1,7 @@
 """A run's page for the browser of this machine, which follows the run while it goes on.
 
-Nothing but the page and its map is ever given out, to this machine alone: no path leads to a file,
-and a name that another site made point to this machine is refused.
+Nothing but the page and its map is ever given out, to this machine alone: no path leads to a file
+but to those of a page in tiles, and a name that another site made point to this machine is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from mcpseg_cli.errors import McpsegError
 from mcpseg_cli.export.html import map_bytes, page_text
 from mcpseg_cli.export.page_map import PageMap, gather_map
 from mcpseg_cli.export.selection import Selection
+from mcpseg_cli.export.tiled_page import PageFolder
 from mcpseg_cli.segment.labelled_run import LabelledRun
 
 _HOST = "127.0.0.1"
@@ -70,6 +71,23 @@ class FollowedMap:
                 self._moment, self._map = self._read()
             return self._moment, self._map
 
+    def answer(self, path: str) -> tuple[str, bytes]:
+        """Return the page, the moment that the run is at, or its map, by the path of a URL.
+
+        Raises:
+            LookupError: There is nothing else.
+            McpsegError: The run has gone or is damaged.
+        """
+        if path == "/moment":
+            return "text/plain", self.moment().encode("ascii")
+        if path == "/":
+            moment, page_map = self.current()
+            return "text/html", page_text(self.name, page_map, moment).encode("utf-8")
+        if path == "/map":
+            moment, page_map = self.current()
+            return "application/octet-stream", map_bytes(page_map, moment)
+        raise LookupError(path)
+
     def _read(self) -> tuple[str, PageMap]:
         # a change in between is found again later
         moment = self.moment()
@@ -78,16 +96,16 @@ class FollowedMap:
 
 
 @contextmanager
-def serving(followed: FollowedMap) -> Iterator[ThreadingHTTPServer]:
+def serving(served: FollowedMap | PageFolder) -> Iterator[ThreadingHTTPServer]:
     """Open a server on a free port of this machine alone.
 
     Args:
-        followed: The map.
+        served: What is given out.
 
     Yields:
         The server: ``url_of`` says where, ``serve_forever`` answers until it is shut down.
     """
-    server = ThreadingHTTPServer((_HOST, 0), _handler_of(followed))
+    server = ThreadingHTTPServer((_HOST, 0), _handler_of(served))
     server.daemon_threads = True
     try:
         yield server
@@ -100,19 +118,19 @@ def url_of(server: ThreadingHTTPServer) -> str:
     return f"http://{_HOST}:{server.server_port}/"
 
 
-def _handler_of(followed: FollowedMap) -> type[BaseHTTPRequestHandler]:
-    """Make the class that answers: three fixed paths, nothing else."""
+def _handler_of(served: FollowedMap | PageFolder) -> type[BaseHTTPRequestHandler]:
+    """Make the class that answers: the paths that ``served`` knows, nothing else."""
 
     class Handler(BaseHTTPRequestHandler):
         """Answers one request."""
 
         def do_GET(self) -> None:
-            """Give the page, the moment that the run is at, or its map."""
+            """Give what is at the path."""
             if not self._is_asked_by_name():
                 self.send_error(HTTPStatus.FORBIDDEN, "not the name of this server")
                 return
             try:
-                kind, body = self._answer()
+                kind, body = served.answer(self.path)
             except McpsegError as error:
                 self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, "the run", str(error))
             except LookupError:
@@ -124,18 +142,6 @@ def _handler_of(followed: FollowedMap) -> type[BaseHTTPRequestHandler]:
             """Tell whether the request is meant for this server, not for one renamed to it."""
             port = self.connection.getsockname()[1]
             return self.headers.get_all("Host") in ([f"{_HOST}:{port}"], [f"localhost:{port}"])
-
-        def _answer(self) -> tuple[str, bytes]:
-            """Look up what is at a path."""
-            if self.path == "/moment":
-                return "text/plain", followed.moment().encode("ascii")
-            if self.path == "/":
-                moment, page_map = followed.current()
-                return "text/html", page_text(followed.name, page_map, moment).encode("utf-8")
-            if self.path == "/map":
-                moment, page_map = followed.current()
-                return "application/octet-stream", map_bytes(page_map, moment)
-            raise LookupError(self.path)
 
         def _send(self, kind: str, body: bytes) -> None:
             self.send_response(HTTPStatus.OK)

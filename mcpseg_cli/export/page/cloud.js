@@ -26,11 +26,8 @@ function withAlpha(colours) {
 }
 
 class Cloud {
-  constructor(facts, columns, labels) {
-    Object.assign(this, { facts, columns, labels });
-    this.total = facts.num_points;
-    this.order();
-    this.makeGeometry();
+  constructor(facts, columns) {
+    Object.assign(this, { facts, columns });
     const lines = Math.ceil(columns.object_ids.length / TABLE_WIDTH);
     this.objectTable = new Uint8Array(4 * TABLE_WIDTH * lines);
     this.classTable = withAlpha(columns.class_colours);
@@ -41,12 +38,53 @@ class Cloud {
       objects: { value: tableOf(this.objectTable, TABLE_WIDTH, lines) },
       ramp: { value: tableOf(withAlpha(columns.confidence_colours), 256, 1) },
     };
-    const material = new THREE.RawShaderMaterial({
-      glslVersion: THREE.GLSL3, vertexShader: POINT_VERTEX, fragmentShader: POINT_FRAGMENT,
-      uniforms: this.uniforms, blending: THREE.NoBlending,
-    });
-    this.points = new THREE.Points(this.geometry, material);
+    this.makePoints();
+  }
+
+  makePoints() {
+    this.labels = new Labels(this.facts, this.columns);
+    this.total = this.facts.num_points;
+    this.order();
+    this.makeGeometry();
+    this.points = new THREE.Points(this.geometry, this.makeMaterial(WHOLE_VERTEX));
     this.points.frustumCulled = false;
+    this.findFirstSeen();
+  }
+
+  makeMaterial(vertexShader) {
+    return (this.material = new THREE.RawShaderMaterial({
+      glslVersion: THREE.GLSL3, vertexShader, fragmentShader: POINT_FRAGMENT,
+      uniforms: this.uniforms, blending: THREE.NoBlending,
+    }));
+  }
+
+  /** For every object of now the first scan that saw some of it. */
+  findFirstSeen() {
+    const { object, object_ids } = this.columns;
+    this.firstSeen = new Uint32Array(object_ids.length).fill(0xffffffff);
+    for (let row = this.total - 1; row >= 0; row--) this.firstSeen[object[row]] = row;
+    for (let k = 0; k < object_ids.length; k++) this.firstSeen[k] = this.scanOf(this.firstSeen[k]);
+  }
+
+  /** Whether some of an object of now had been seen after so many scans. */
+  hasSeen(owner, scan) {
+    return this.firstSeen[owner] < scan;
+  }
+
+  /** Choose what to draw, at most so many points; returns how many, and by how much larger each. */
+  choose(eye, height, most) {
+    const chosen = Math.min(this.total, most);
+    return { chosen, growth: Math.min(Math.sqrt(this.total / chosen), 2) };
+  }
+
+  /** Have only these of the points chosen drawn, in the order of drawing. */
+  limit(start, number) {
+    this.geometry.setDrawRange(start, number);
+  }
+
+  /** The row of a point by its number in the picture; -1 when the map has become another since. */
+  rowReader() {
+    return (number) => this.rows[number];
   }
 
   /** Choose the order of drawing: `rows` tells which point is drawn when, `place` when a point is drawn. */
@@ -101,6 +139,34 @@ class Cloud {
 
   heightOf(row) {
     return HEIGHT_LOW + HEIGHT_STEP * this.heights[4 * this.place[row] + 3];
+  }
+
+  semanticOf(row) {
+    return this.labels.semantic[row];
+  }
+
+  confidenceOf(row) {
+    return this.columns.confidence[row] / 255;
+  }
+
+  /** The object that a point is part of at the moment shown, as its place in `object_ids`. */
+  ownerOf(row) {
+    return this.labels.objectOf(row);
+  }
+
+  /** Places of the objects that boxes are drawn around. */
+  boxed() {
+    return this.columns.object_ids.keys();
+  }
+
+  /** The height of the floor under an object, or under what is shown. */
+  floorOf() {
+    return this.columns.floors[Math.max(this.uniforms.now.value - 1, 0)];
+  }
+
+  /** What is known of when a point was first seen. */
+  firstSeenOf(row) {
+    return [["first seen", `scan ${count(this.scanOf(row) + 1)}`]];
   }
 
   scanOf(row) {
@@ -180,7 +246,7 @@ class Cloud {
 
   dispose() {
     this.geometry.dispose();
-    this.points.material.dispose();
+    this.material.dispose();
     for (const name of ["classes", "objects", "ramp"]) this.uniforms[name].value.dispose();
   }
 }

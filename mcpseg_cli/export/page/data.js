@@ -2,6 +2,7 @@
 // html.py; three.js draws. Points are kept in the order they were first seen in: a point's place is its `row`.
 "use strict";
 
+let viewer; // of this page, for whoever looks at it with the tools of a browser
 const element = (id) => document.getElementById(id);
 const count = (number) => number.toLocaleString("en");
 
@@ -53,6 +54,20 @@ function columnsOf(facts, { buffer }) {
   const columns = {};
   for (const { name, type, offset, length } of facts.columns) columns[name] = new types[type](buffer, offset, length);
   return columns;
+}
+
+/** What a server gives as a map: facts and columns. */
+async function readMap(bytes) {
+  const end = 4 + new DataView(bytes.buffer).getUint32(0, true);
+  const facts = JSON.parse(new TextDecoder().decode(bytes.subarray(4, end)));
+  return { facts, columns: columnsOf(facts, await inflate(bytes.subarray(end))) };
+}
+
+/** The bytes at an address beside the page. */
+async function fetchBytes(address, options) {
+  const answer = await fetch(address, options);
+  if (!answer.ok) throw new Error(`${address}: ${answer.status}`);
+  return new Uint8Array(await answer.arrayBuffer());
 }
 
 /** The number of the first entry of ascending `ends` that is above `value`. */

@@ -62,13 +62,13 @@ class Pointer {
   /** Say what the pointer is over. */
   point(row) {
     const { viewer } = this;
-    const owner = row < 0 ? -1 : viewer.labels.objectOf(row) || -1;
+    const owner = row < 0 ? -1 : viewer.cloud.ownerOf(row) || -1;
     if (owner !== viewer.state.hovered) viewer.mark({ hovered: owner });
     const tip = element("tip") ?? element("labels").appendChild(make("div", { id: "tip" }));
     tip.hidden = row < 0;
     if (row < 0) return;
     const object = owner > 0 ? ` #${viewer.columns.object_ids[owner]}` : "";
-    tip.textContent = `${viewer.nameOf(viewer.labels.semantic[row])}${object}`;
+    tip.textContent = `${viewer.nameOf(viewer.cloud.semanticOf(row))}${object}`;
     tip.style.transform = `translate(${this.at[0] + 14}px, ${this.at[1] + 16}px)`;
   }
 }
@@ -121,7 +121,7 @@ class Measure {
 
 function listenToKeys(viewer, picker, timeline, measure) {
   const press = {
-    " ": () => timeline.toggle(),
+    " ": () => timeline?.toggle(),
     Escape: () => { measure.switch(false); picker.clear(); },
     b: () => element("boxes").click(),
     m: () => element("measure").click(),

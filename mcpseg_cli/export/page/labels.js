@@ -51,7 +51,7 @@ class Labels {
     }
   }
 
-  /** The object that a point is part of at the moment shown, as its place in `object_ids`. */
+  /** See `Cloud.ownerOf`. */
   objectOf(row) {
     return this.survivor[this.object[row]];
   }

@@ -1,6 +1,7 @@
 // A page of `mcpseg view` follows its run: it asks its server whether the map has grown.
 
 const ASK_MS = 2000;
+const FRESH = { cache: "no-store" };
 
 async function follow(viewer, moment, show) {
   let [last, isLost] = [moment, false];
@@ -8,12 +9,10 @@ async function follow(viewer, moment, show) {
     await new Promise((resolve) => setTimeout(resolve, ASK_MS));
     if (document.hidden) continue;
     try {
-      const current = await (await ask("moment")).text();
+      const current = new TextDecoder().decode(await fetchBytes("moment", FRESH));
       if (current !== last) {
-        const bytes = new Uint8Array(await (await ask("map")).arrayBuffer());
-        const end = 4 + new DataView(bytes.buffer).getUint32(0, true);
-        const facts = JSON.parse(new TextDecoder().decode(bytes.subarray(4, end)));
-        show(facts, columnsOf(facts, await inflate(bytes.subarray(end))));
+        const { facts, columns } = await readMap(await fetchBytes("map", FRESH));
+        show(facts, columns);
         last = facts.moment;
       }
       if (isLost) element("message").textContent = "";
@@ -23,10 +22,4 @@ async function follow(viewer, moment, show) {
       element("message").textContent = "The server has ended; what was shown last stays.";
     }
   }
-}
-
-async function ask(what) {
-  const answer = await fetch(what, { cache: "no-store" });
-  if (!answer.ok) throw new Error(`${answer.status}`);
-  return answer;
 }

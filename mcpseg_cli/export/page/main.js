@@ -1,22 +1,24 @@
 // The page opens.
 
 async function main() {
-  const facts = JSON.parse(element("facts").textContent);
-  const [cloud] = await Promise.all([embedded("cloud"), loadLibrary()]);
-  const viewer = new Viewer(element("canvas"));
+  const [{ facts, columns }] = await Promise.all([openMap(), loadLibrary()]);
+  viewer = new Viewer(element("canvas"));
   const picker = new Picker(viewer);
   const measure = new Measure(viewer);
-  const timeline = new Timeline(viewer);
+  const timeline = facts.tiles ? undefined : new Timeline(viewer);
   const list = new ObjectList(viewer, picker);
   const show = (newFacts, columns) => {
     viewer.setMap(newFacts, columns);
     showSummary(viewer);
     makeLegend(viewer);
-    timeline.read();
+    timeline?.read();
     makeHeightSlider(viewer);
     list.read();
   };
-  show(facts, columnsOf(facts, cloud));
+  element("time").hidden = Boolean(facts.tiles);
+  show(facts, columns);
+  element("path").checked = viewer.isPathShown;
+  if (facts.tiles) await beginWithTiles(viewer);
   makeColourButtons(viewer);
   makeViewButtons(viewer);
   makeFolding(viewer);
@@ -25,7 +27,26 @@ async function main() {
   viewer.fit(undefined, undefined, true);
   element("message").textContent = "";
   document.body.dataset.state = "ready";
-  if (facts.moment !== null) follow(viewer, facts.moment, show);
+  if (facts.moment) follow(viewer, facts.moment, show);
+}
+
+/** The map that the page holds, or the one beside it. */
+async function openMap() {
+  const facts = JSON.parse(element("facts").textContent);
+  if (!facts.map) return { facts, columns: columnsOf(facts, await embedded("cloud")) };
+  const found = await readMap(await fetchBeside(facts.map));
+  const wanted = location.hash.slice(1);
+  if (found.facts.colours.includes(wanted)) found.facts.colour = wanted;
+  return found;
+}
+
+async function fetchBeside(address) {
+  try {
+    return await fetchBytes(address);
+  } catch (error) {
+    if (location.protocol !== "file:") throw error;
+    throw new Error("browsers load no tiles from a disk; run 'mcpseg view FOLDER', or any web server in its folder");
+  }
 }
 
 main().catch((error) => {

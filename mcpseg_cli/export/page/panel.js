@@ -92,7 +92,26 @@ function makeViewButtons(viewer) {
   element("hint").textContent = isTouch
     ? "One finger turns, two move and zoom. Tap picks an object, tap twice shows it alone."
     : "Drag turns, right drag moves, wheel zooms. Click picks an object, double click shows it alone. " +
-      "Keys: Space plays, 1–5 colours, B boxes, M measures, F whole map, S screenshot, Esc clears.";
+      `Keys: ${viewer.facts.tiles ? "" : "Space plays, "}1–${viewer.facts.colours.length} colours, B boxes, M measures, F whole map, S screenshot, Esc clears.`;
+}
+
+/** Begin with the uppermost tiles; a slider says how many points are drawn, and a line how many are. */
+async function beginWithTiles(viewer) {
+  const { cloud, facts } = viewer;
+  viewer.resize();
+  await cloud.loadTop();
+  element("budget-row").hidden = false;
+  const [slider, output] = [element("budget"), element("drawn")];
+  slider.value = cloud.budget / 1e6;
+  viewer.eye.controls.addEventListener("end", () => { if (viewer.areBoxesShown) viewer.drawBoxes(); });
+  slider.oninput = () => {
+    cloud.budget = 1e6 * Number(slider.value);
+    viewer.redraw();
+  };
+  viewer.afterDrawing.push(() => {
+    const points = cloud.shown.reduce((sum, tile) => sum + tile.points, 0);
+    output.textContent = `${count(points)} of ${count(facts.num_points)} points drawn, at most ${slider.value} million`;
+  });
 }
 
 /** Save what is to be seen as a picture. */

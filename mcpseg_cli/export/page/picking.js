@@ -4,7 +4,8 @@ const PICK_PIXELS = 9;
 
 /** The point nearest to a pixel of the window among those drawn around it, or -1. */
 async function pointAt(viewer, x, y) {
-  const { rows } = viewer.cloud;
+  const { cloud } = viewer;
+  const rowOf = cloud.rowReader();
   const ids = await viewer.idsAt(x, y, PICK_PIXELS);
   const middle = PICK_PIXELS >> 1;
   let [best, bestAway] = [-1, Infinity];
@@ -12,18 +13,18 @@ async function pointAt(viewer, x, y) {
     const away = Math.hypot((k % PICK_PIXELS) - middle, Math.floor(k / PICK_PIXELS) - middle);
     if (id && away < bestAway) [best, bestAway] = [id - 1, away];
   });
-  return best < 0 || rows !== viewer.cloud.rows ? -1 : rows[best];
+  return best < 0 || cloud !== viewer.cloud ? -1 : rowOf(best);
 }
 
 /** What is known of a point, as pairs of name and text. */
-function describePoint({ facts, columns, cloud, labels }, row) {
-  const owner = labels.objectOf(row);
+function describePoint({ facts, columns, cloud }, row) {
+  const owner = cloud.ownerOf(row);
   const size = columns.object_sizes[owner];
   const place = cloud.positionOf(row).map((metres, axis) => (metres + facts.origin[axis]).toFixed(2));
   const pairs = [
     ["object", owner ? `${columns.object_ids[owner]}${size ? ` (${count(size)} points)` : ""}` : "none"],
-    ["confidence", (columns.confidence[row] / 255).toFixed(2)],
-    ["first seen", `scan ${count(cloud.scanOf(row) + 1)}`],
+    ["confidence", cloud.confidenceOf(row).toFixed(2)],
+    ...cloud.firstSeenOf(row),
     ["height", `${cloud.heightOf(row).toFixed(2)} m`],
     ["x y z", `${place.join("  ")} m`],
   ];
@@ -56,9 +57,9 @@ class Picker {
   pickPoint(row) {
     if (row < 0) { this.clear(); return; }
     const { viewer } = this;
-    const owner = viewer.labels.objectOf(row);
+    const owner = viewer.cloud.ownerOf(row);
     viewer.mark({ picked: owner || -1 });
-    this.show(viewer.nameOf(viewer.labels.semantic[row]), describePoint(viewer, row));
+    this.show(viewer.nameOf(viewer.cloud.semanticOf(row)), describePoint(viewer, row));
     this.flyTo(owner || -1);
   }
 

@@ -7,17 +7,14 @@ const HEIGHT_LOW = -20; // metres: heights above the floor are kept as 16-bit st
 // how a pixel is marked, in the alpha of the picture; the background is 0
 const MARKS = "const float PLAIN = 0.4, HOVERED = 0.7, PICKED = 1.0;";
 
-const POINT_VERTEX = `
+const pointVertex = (ofMap) => `
 precision highp float; precision highp int; precision highp usampler2D;
 in vec4 position; // steps along x, y, z, and of the height above the floor
 in vec4 normal; // and confidence
 in vec4 paint; // a colour of the point's own
 in uint label; // class << 24 | object
-in uint scan;
 uniform mat4 modelViewMatrix, projectionMatrix;
-uniform vec3 low;
-uniform float step, cut, radius, height, lightness;
-uniform uint now;
+uniform float cut, radius, height;
 uniform int mode; // 0 paint, 1 class, 2 object, 3 confidence
 uniform bool isPicking;
 uniform sampler2D classes, objects, ramp;
@@ -26,19 +23,20 @@ flat out vec3 facing;
 flat out vec4 id;
 flat out float mark, middle, reach;
 ${MARKS}
+${ofMap}
 void main() {
   uint place = label & 0xffffffu;
   vec4 ofClass = texelFetch(classes, ivec2(label >> 24, 0), 0);
   vec4 ofObject = texelFetch(objects, ivec2(place & ${TABLE_WIDTH - 1}u, place / ${TABLE_WIDTH}u), 0);
-  bool isShown = scan < now && position.w <= cut && ofClass.a > 0.5 && ofObject.a > 0.1;
+  bool isShown = isSeen() && position.w <= cut && ofClass.a > 0.5 && ofObject.a > 0.1;
   gl_PointSize = 0.0;
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   if (!isShown) return;
 
   // where, and how large
-  vec4 view = modelViewMatrix * vec4(low + step * position.xyz, 1.0);
+  vec4 view = modelViewMatrix * vec4(where(), 1.0);
   gl_Position = projectionMatrix * view;
-  gl_PointSize = clamp(radius * projectionMatrix[1][1] * height / -view.z, 1.5, 96.0);
+  gl_PointSize = clamp(coarseness() * radius * projectionMatrix[1][1] * height / -view.z, 1.5, 96.0);
   middle = view.z;
   reach = gl_PointSize * -view.z / (projectionMatrix[1][1] * height);
 
@@ -53,9 +51,51 @@ void main() {
   mark = ofObject.a > 0.9 ? PICKED : ofObject.a > 0.6 ? HOVERED : PLAIN;
   float grey = dot(own, vec3(0.3, 0.59, 0.11));
   colour = light * (isPicking && mark < PICKED ? mix(own, vec3(0.75 * grey), 0.6) : own);
-  uint number = uint(gl_VertexID) + 1u;
+  uint number = firstNumber() + uint(gl_VertexID) + 1u;
   id = vec4(number & 255u, (number >> 8) & 255u, (number >> 16) & 255u, number >> 24) / 255.0;
 }`;
+
+// a map that is there as a whole, as it was after any scan
+const WHOLE_VERTEX = pointVertex(`
+in uint scan;
+uniform vec3 low;
+uniform float step;
+uniform uint now;
+bool isSeen() { return scan < now; }
+vec3 where() { return low + step * position.xyz; }
+float coarseness() { return 1.0; }
+uint firstNumber() { return 0u; }`);
+
+// a tile; `drawn` has for each tile that is drawn which of its eighths are, too, and where those are listed
+const TILE_VERTEX = pointVertex(`
+uniform vec3 low;
+uniform float step, share, spacing;
+uniform uint first;
+uniform int tile;
+uniform sampler2D drawn;
+bool isSeen() { return true; }
+vec3 where() { return low + step * position.xyz; }
+uint firstNumber() { return first; }
+int count(int bits) {
+  bits -= (bits >> 1) & 0x55;
+  bits = (bits & 0x33) + ((bits >> 2) & 0x33);
+  return (bits + (bits >> 4)) & 0x0f;
+}
+// the spacing of what is drawn around the point, in voxels
+float coarseness() {
+  vec3 at = min(share * position.xyz, 0.99999);
+  float found = spacing;
+  for (int here = tile, k = 0; k < 21; k++) {
+    ivec4 known = ivec4(round(255.0 * texelFetch(drawn, ivec2(here & ${TABLE_WIDTH - 1}, here / ${TABLE_WIDTH}), 0)));
+    ivec3 upper = ivec3(2.0 * at);
+    int eighth = upper.x | upper.y << 1 | upper.z << 2;
+    if ((known.r >> eighth & 1) == 0) break;
+    here = (known.g | known.b << 8 | known.a << 16) + count(known.r & ((1 << eighth) - 1));
+    at = 2.0 * at - vec3(upper);
+    found *= 0.5;
+  }
+  return found;
+}`);
 
 const POINT_FRAGMENT = `
 precision highp float;

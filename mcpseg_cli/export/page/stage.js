@@ -94,11 +94,11 @@ class Stage {
   /** Draw all points, some at a time, so that whatever is asked for in between need not wait for long. */
   async drawAll() {
     const started = performance.now();
-    const { total } = this.cloud;
     const some = Math.max(this.budget, LEAST_POINTS);
     this.begin(1);
-    for (let start = 0; start < total; start += some) {
-      this.addPoints(start, Math.min(some, total - start), 1);
+    const { chosen } = this.cloud.choose(this.eye, this.target.height, Infinity);
+    for (let start = 0; start < chosen; start += some) {
+      this.addPoints(start, Math.min(some, chosen - start), 1);
       await this.idsAt(0, 0, 1);
       if (this.isStale) return;
     }
@@ -114,11 +114,10 @@ class Stage {
 
   /** Draw at most so many points into a picture of that share of the window's pixels along each side. */
   paint(most, scale) {
-    const { total } = this.cloud;
-    const drawn = Math.min(total, most);
     this.begin(scale);
     // fewer points are drawn larger, but surfaces need not close while they move
-    this.addPoints(0, drawn, Math.min(Math.sqrt(total / drawn), 2));
+    const { chosen, growth } = this.cloud.choose(this.eye, this.target.height, most);
+    this.addPoints(0, chosen, growth);
     this.show();
   }
 
@@ -137,8 +136,8 @@ class Stage {
   }
 
   addPoints(start, number, growth) {
-    const { uniforms, geometry } = this.cloud;
-    geometry.setDrawRange(start, number);
+    const { uniforms } = this.cloud;
+    this.cloud.limit(start, number);
     uniforms.radius.value = SURFEL * this.facts.voxel_size * this.sizeFactor * growth;
     uniforms.height.value = this.target.height;
     this.renderer.setRenderTarget(this.target);
@@ -196,7 +195,7 @@ function freePart(width, height) {
   const panel = element("panel").getBoundingClientRect();
   const time = element("time").getBoundingClientRect();
   const picked = element("picked").getBoundingClientRect();
-  const bottom = (isNarrow && picked.height ? picked : time).top - margin;
+  const bottom = (isNarrow && picked.height ? picked.top : time.height ? time.top : height) - margin;
   if (isNarrow) {
     const top = (document.body.dataset.folded ? panel.bottom : 0) + margin / 2;
     return { x: margin, y: top, width: width - 2 * margin, height: Math.max(bottom - top, 80) };

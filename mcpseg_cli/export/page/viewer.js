@@ -1,6 +1,7 @@
 // What is shown of a map: which scans, labels, classes, objects and heights, in which colours.
 
 const PATH_COLOUR = [1, 1, 1, 0.9];
+const CLEAR_PATH = 500; // scans; the path of more would cover a building
 const MEASURE_COLOUR = [1, 1, 1, 1];
 
 class Viewer extends Stage {
@@ -21,16 +22,14 @@ class Viewer extends Stage {
       former.dispose();
     }
     Object.assign(this, { facts, columns });
-    this.labels = new Labels(facts, columns);
-    this.cloud = new Cloud(facts, columns, this.labels);
+    this.cloud = facts.tiles ? new TiledCloud(facts, columns, () => this.redraw()) : new Cloud(facts, columns);
     this.scene.add(this.cloud.points);
-    this.findFirstSeen();
     this.eye.setReach(Math.hypot(...[0, 1, 2].map((axis) => 2 * Math.abs(facts.low[axis]))));
     if (view) {
       this.eye.shift([0, 1, 2].map((axis) => view.origin[axis] - facts.origin[axis]));
       Object.assign(this.state, { picked: this.placeOf(view.picked), only: this.placeOf(view.only), hovered: -1 });
     }
-    this.showPath(this.isPathShown ?? true);
+    this.showPath(this.isPathShown ?? !(facts.tiles && facts.num_scans > CLEAR_PATH));
     this.colourBy(this.how ?? facts.colour);
     this.showClasses();
     if (this.cut !== undefined) this.cutAt(this.cut);
@@ -42,14 +41,6 @@ class Viewer extends Stage {
 
   placeOf(id) {
     return id === undefined ? -1 : this.columns.object_ids.indexOf(id);
-  }
-
-  /** For every object of now the first scan that saw some of it. */
-  findFirstSeen() {
-    const { object, object_ids } = this.columns;
-    this.firstSeen = new Uint32Array(object_ids.length).fill(0xffffffff);
-    for (let row = this.facts.num_points - 1; row >= 0; row--) this.firstSeen[object[row]] = row;
-    for (let k = 0; k < object_ids.length; k++) this.firstSeen[k] = this.cloud.scanOf(this.firstSeen[k]);
   }
 
   colourBy(how) {
@@ -66,17 +57,19 @@ class Viewer extends Stage {
     const { path, floors } = this.columns;
     const place = path.subarray(3 * (scan - 1), 3 * scan);
     this.lines.path.limit(scan - 1);
-    this.lines.robot.set(this.isPathShown ? scannerMark(place, floors[scan - 1], PATH_COLOUR) : []);
+    this.lines.robot.set(this.isPathShown && !this.facts.tiles ? scannerMark(place, floors[scan - 1], PATH_COLOUR) : []);
     this.drawBoxes();
   }
 
   showPath(isShown) {
     this.isPathShown = isShown;
     const { path } = this.columns;
+    const poses = path.length / 3;
     const at = (k) => path.subarray(3 * k, 3 * k + 3);
-    const stretches = Array.from({ length: this.facts.num_scans - 1 }, (_, k) => [at(k), at(k + 1), PATH_COLOUR]);
+    const stretches = Array.from({ length: poses - 1 }, (_, k) => [at(k), at(k + 1), PATH_COLOUR]);
     this.lines.path.set(isShown ? stretches : []);
-    if (this.scan) this.showScan(Math.min(this.scan, this.facts.num_scans), this.isFinal);
+    if (this.scan) this.showScan(Math.min(this.scan, poses), this.isFinal);
+    else this.redraw();
   }
 
   showBoxes(areShown) {
@@ -88,10 +81,10 @@ class Viewer extends Stage {
   drawBoxes() {
     const { object_sizes, object_boxes, object_classes, class_colours } = this.columns;
     const stretches = [];
-    for (let k = 1; this.areBoxesShown && k < object_sizes.length; k++) {
-      const isShown = object_sizes[k] && this.firstSeen[k] < this.scan && !this.hiddenClasses.has(this.nameOf(object_classes[k]));
+    for (const k of this.areBoxesShown ? this.cloud.boxed(this.eye.controls.target.toArray()) : []) {
+      const isShown = k && object_sizes[k] && this.cloud.hasSeen(k, this.scan) && !this.hiddenClasses.has(this.nameOf(object_classes[k]));
       if (!isShown || (this.state.only >= 0 && k !== this.state.only)) continue;
-      const box = this.belowCut(object_boxes.subarray(7 * k, 7 * k + 7));
+      const box = this.belowCut(object_boxes.subarray(7 * k, 7 * k + 7), this.cloud.floorOf(k));
       const tint = [...class_colours.subarray(3 * object_classes[k], 3 * object_classes[k] + 3)].map((c) => c / 255);
       if (box) stretches.push(...boxEdges(box, [...tint, 1]));
     }
@@ -103,8 +96,8 @@ class Viewer extends Stage {
   }
 
   /** What of a box lies below the height that is shown, if anything. */
-  belowCut([x, y, z, length, width, height, yaw]) {
-    const cut = this.columns.floors[Math.max(this.scan - 1, 0)] + this.cloud.cut;
+  belowCut([x, y, z, length, width, height, yaw], floor) {
+    const cut = floor + this.cloud.cut;
     const [bottom, top] = [z - height / 2, Math.min(z + height / 2, cut)];
     return bottom < cut ? [x, y, (bottom + top) / 2, length, width, top - bottom, yaw] : undefined;
   }
