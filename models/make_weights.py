@@ -7,8 +7,9 @@ Every step is a command of mcpseg; ``--plan`` prints them all and runs none. Wha
 done again, and what was interrupted goes on: run the same command again. ``work/trained`` holds the
 weights with cards and settings at the end, ``work/furniture/CREDITS.md`` the creators to name.
 
-Buildings for ``unet-home`` are some of those for ``unet``, made again with finer classes. Buildings
-are deleted once they are scanned.
+Four trainings follow one another: offices and first homes, furniture and sensors, then buildings
+whose objects have finer classes, for ``unet-home`` and, with these joined to 13, for ``unet``.
+Buildings are deleted once they are scanned.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -86,17 +87,36 @@ SECOND = [
     *(Building(11, number, models=True) for number in (3, 4, 5)),
 ]
 HELD_OUT = [Building(9, 9), Building(14, 9, style=17)]
-NOT_FOR_HOME = {(11, 3), (11, 5), (11, 16), (13, 7)}  # seed and number: the others suffice
-HOME = [
-    replace(building, classes="home")
-    for building in SECOND
-    if (building.seed, building.number) not in NOT_FOR_HOME
+
+
+def finer(seed: int, numbers: Iterable[int], sensor: str, *, models: bool = True) -> list[Building]:
+    """Buildings whose objects have the classes of homes, seen by one sensor."""
+    return [Building(seed, number, (sensor,), models, classes="home") for number in numbers]
+
+
+HOMES, CAMERA = (7, 17, 27), "depth-camera"
+THIRD = [
+    *finer(41, (*HOMES, 37, 1, 4), CAMERA),
+    *finer(42, HOMES, CAMERA, models=False),
+    *finer(42, (37,), CAMERA),
+    *finer(43, (*HOMES, 16), CAMERA),
+    *finer(44, HOMES, CAMERA),
+    *finer(45, (*HOMES, 16, 1, 2, 3, 4, 5, 6), "sphere"),
+    *finer(45, (37,), "sphere", models=False),
+    *finer(46, (*HOMES, 16, 37, 4, 5, 6), "sphere"),
+    *finer(46, (1, 2, 3), "sphere", models=False),
+    *finer(47, HOMES, "sphere"),
+    *finer(47, (2,), "lidar-16", models=False),
+    *finer(48, (7,), "lidar-16"),
+    *finer(48, (5,), "lidar-32"),
+    *finer(49, (17, 3), "sphere"),
 ]
-HOME_HELD_OUT = [replace(building, classes="home") for building in HELD_OUT]
+FINER_HELD_OUT = [replace(building, classes="home") for building in HELD_OUT]
 TRAININGS = {  # name, areas, settings, what it starts from
     "unet-base": (OFFICES + FIRST + HELD_OUT, "unet-base.toml", None),
-    "unet": (OFFICES + SECOND + HELD_OUT, "unet.toml", "unet-base"),
-    "unet-home": (HOME + HOME_HELD_OUT, "unet-home.toml", "unet"),
+    "unet-second": (OFFICES + SECOND + HELD_OUT, "unet-second.toml", "unet-base"),
+    "unet-home": (THIRD + FINER_HELD_OUT, "unet-home.toml", "unet-second"),
+    "unet": (THIRD + FINER_HELD_OUT, "unet.toml", "unet-home"),
 }
 
 

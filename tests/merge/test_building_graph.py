@@ -26,7 +26,7 @@ def make_voxels(rng, count):
     nothing = np.zeros(count, np.int32)
     return PartVoxels(
         voxel.astype(np.int32), nothing, xyz, np.zeros((count, 3), np.uint8),
-        np.zeros((count, 0), np.int16), evidence, nothing,
+        np.zeros((count, 0), np.int16), evidence, nothing.copy(),
     )  # fmt: skip
 
 
@@ -62,8 +62,9 @@ def objects_by_columns(rows, folder):
     )
     spool.add(rows)
     for column in spool.columns:
-        united = unite(spool.read(column), column)
-        known[column] = (united.key[: united.num_inside], graph.add(column, united), united)
+        there = spool.read(column)
+        united = unite(there, column)
+        known[column] = (united.key[: united.num_inside], graph.add(column, there, united), united)
     found = graph.objects(lambda column: known[column][:2])
 
     owner = {}
@@ -80,6 +81,31 @@ def objects_by_columns(rows, folder):
 def same_partition(one, other):
     pairs = set(zip(one.tolist(), other.tolist(), strict=True))
     return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def test_what_a_map_had_as_one_object_is_rather_one_and_what_it_had_as_two_rather_two(
+    tmp_path,
+):
+    rows = make_voxels(np.random.default_rng(3), 2)
+    rows.voxel[:] = [[10, 10, 0], [10, 10, 1]]
+    rows.xyz[:] = rows.voxel * 0.1 + 0.05
+    rows.evidence[:] = 0
+    rows.evidence[:, 0] = 100
+    partitions = {}
+    for joint in (45, 55):
+        for instance in ((0, 0), (1, 1), (1, 2)):
+            rows.evidence[0, [CLASSES, CLASSES + 13]] = joint, 100 - joint
+            rows.instance[:] = instance
+            graph = BuildingGraph(CLASSES, threshold=THRESHOLD, least=1)
+            united = unite(rows, (0, 0))
+            cluster = graph.add((0, 0), rows, united)
+            known = (united.key, cluster)
+            owner = graph.objects(lambda _, known=known: known).owner[cluster]
+            partitions[joint, instance] = owner[0] == owner[1]
+    assert partitions == {
+        (45, (0, 0)): False, (45, (1, 1)): True, (45, (1, 2)): False,
+        (55, (0, 0)): True, (55, (1, 1)): True, (55, (1, 2)): False,
+    }  # fmt: skip
 
 
 @settings(max_examples=25)
