@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.scan_source import ScanSource
-from mcpseg_cli.resumable import exclusive
+from mcpseg_cli.resumable import exclusive, remove_leftovers
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
@@ -139,11 +139,14 @@ def clear_run(output: Path, recording: Sequence[ScanSource]) -> None:
     if not any((output / name).is_file() for name in (_STATE, "run.json")):
         return
 
-    # look first
+    # look first; what a killed process left incomplete is nobody's
+    scans = output / "scans"
+    for folder in (output, scans, *scans.rglob("*/")):
+        if not folder.is_symlink():
+            remove_leftovers(folder)
     stems = _stems_of_run(output)
     if stems is None:
         stems = {_stem(source.name) for source in recording}
-    scans = output / "scans"
     clouds = _clouds(scans)
     names = [path.relative_to(scans).as_posix() for path in clouds]
     if foreign := [name for name in names if _stem(name) not in stems]:

@@ -50,6 +50,25 @@ def test_a_cloud_of_the_user_s_among_the_labelled_scans_is_told_before_anything_
     assert files_in(out) == before
 
 
+@pytest.mark.parametrize(
+    "name", ["scans/.000005.23551-140503002045312.part.ply", "scans/a/.b.7-7.part.laz"]
+)
+@pytest.mark.parametrize("has_state", [True, False])
+def test_a_scan_that_a_killed_run_left_incomplete_is_the_run_s_and_goes(
+    labelled_run, out, weights_path, name, has_state
+):
+    leftover = out / name
+    leftover.parent.mkdir(exist_ok=True)
+    leftover.write_bytes(b"ply")
+    if not has_state:
+        (out / "state.sqlite").unlink()
+    with open_run(labelled_run, out, weights_path) as run:
+        list(run.run())
+        run.write_objects()
+    assert not leftover.exists()
+    assert outputs_of(out) == outputs_of(labelled_run.out)
+
+
 def test_overwriting_cut_short_at_any_deletion_is_done_by_the_same_command(
     labelled_run, out, weights_path, tmp_path, monkeypatch
 ):
