@@ -22,7 +22,7 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
 _NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
 _DAMAGE = (  # what trimesh raises for damaged files
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, NotImplementedError,
-    EOFError, MemoryError, NameError, StructError,
+    EOFError, MemoryError, NameError, StructError, AssertionError,
 )  # fmt: skip
 _LARGEST = 2048  # pixels of a texture
 
