@@ -131,26 +131,31 @@ class Ended:
         return None
 
 
-def ask(function: Callable[[], object], folder: Path, seconds: float) -> Ended:
-    """Run a function in a fork and wait for what it returns.
+class Asked:
+    """A function that runs in a fork, and what it returns.
 
     Args:
         function: Returns what JSON can hold.
         folder: For what the fork says.
-        seconds: The fork is killed after so long; the status tells.
     """
-    path = folder / "answer.json"
-    path.unlink(missing_ok=True)
 
-    def answer() -> int:
-        path.write_text(json.dumps(function()))
-        return 0
+    def __init__(self, function: Callable[[], object], folder: Path) -> None:
+        self._path = folder / "answer.json"
+        self._path.unlink(missing_ok=True)
+        self._began = time.monotonic()
 
-    began = time.monotonic()
-    fork = Fork(answer, folder / "said")
-    fork.wait(seconds)
-    found = json.loads(path.read_text()) if fork.returncode == 0 else None
-    return Ended(fork.returncode or 0, fork.said, found, time.monotonic() - began)
+        def answer() -> int:
+            self._path.write_text(json.dumps(function()))
+            return 0
+
+        self._fork = Fork(answer, folder / "said")
+
+    def ended(self, seconds: float) -> Ended:
+        """Wait for its end, or kill it after so many seconds; the status tells."""
+        self._fork.wait(seconds)
+        found = json.loads(self._path.read_text()) if self._fork.returncode == 0 else None
+        took = time.monotonic() - self._began
+        return Ended(self._fork.returncode or 0, self._fork.said, found, took)
 
 
 def run_to_end(words: Sequence[object], folder: Path, *, most_bytes: int | None = None) -> Ended:

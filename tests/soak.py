@@ -46,12 +46,13 @@ def main(words: list[str] | None = None) -> int:
             import_commands(runs)
         while report.rounds == 0 or time.monotonic() < deadline:
             seed = options.seed + report.rounds
-            with report.timed("damaged files"):
-                soak_damage.play(seed, folder / "damaged", report, options.share)
+            damages = soak_damage.Damages(seed, folder / "damaged", options.share)
             with report.timed("bits, races, disks, power"):
                 soak_parts.play(seed, runs, report, options.share)
             with report.timed("kills"):
                 kills.play(seed, report, deadline, options.share)
+            with report.timed("damaged files"):  # all that time, beside the others
+                damages.add_to(report)
             report.rounds += 1
             print(f"seed {seed}, {report.age():,.0f} s: {report.line()}", flush=True)
             if options.output:

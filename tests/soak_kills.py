@@ -19,6 +19,7 @@ KILLS_A_ROUND = 20  # of a command that segments, at most
 KILLS_OF_OTHERS = 8
 NEW_INTERPRETERS = 0.1  # of all that are killed; the others are forks
 _COMPILING_S = 4.0  # what takes longer compiles kernels, the first time
+_FORK_S = 0.4  # to begin with the first scan
 _START_S = 2.5  # that a new interpreter needs
 
 
@@ -90,14 +91,13 @@ class Kills:
         process: Fork | subprocess.Popen[str] = (
             begin(words, said) if is_new else Fork(partial(run_command, *words), said)
         )
-        start_s = _START_S if is_new else 0.0
-        if killed.num_scans and rng.random() < 0.75:
-            at_end = rng.random() < 0.1
-            wanted = killed.num_scans if at_end else before + 1
+        if killed.num_scans and rng.random() < 0.8:  # some scans further, or about to end
+            wanted = killed.num_scans if rng.random() < 0.1 else before + rng.randrange(1, 6)
             wait_until(lambda: num_events(out) >= wanted, process)
-            time.sleep(rng.uniform(0.0, 0.06))
+            time.sleep(rng.uniform(0.0, 0.03))
         else:
-            time.sleep(rng.uniform(0.0, start_s + self.wholes[killed.name].seconds))
+            seconds = _FORK_S if killed.num_scans else self.wholes[killed.name].seconds
+            time.sleep(rng.uniform(0.0, seconds + _START_S * is_new))
 
         if process.poll() is not None:
             if process.returncode != 0:

@@ -15,7 +15,7 @@ from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
 from tests.bit_flips import flipped, flips_that_pass
 from tests.commands import MOST_S, num_events, outputs_of
-from tests.forks import Ended, Fork, ask, run_command, run_to_end
+from tests.forks import Asked, Ended, Fork, run_command, run_to_end
 from tests.power_loss import Recorder, folder_after, some
 from tests.recordings import write_recording, write_weights
 from tests.soak_report import Report
@@ -77,7 +77,7 @@ def flip_bits(seed: int, runs: Runs, report: Report, count: int) -> None:
     rng, path = random.Random(seed), runs.folder / "whole/state.sqlite"
     bits = [rng.randrange(8 * path.stat().st_size) for _ in range(count)]
     copy = runs.folder / "flipped.sqlite"
-    ended = ask(lambda: flips_that_pass(path, copy, bits), runs.folder, MOST_S)
+    ended = Asked(lambda: flips_that_pass(path, copy, bits), runs.folder).ended(MOST_S)
     if not isinstance(ended.answer, list):
         report.found(f"seed {seed}: flipped bits: status {ended.status}: {ended.said[-400:]!r}")
         return
@@ -113,7 +113,7 @@ def cut_power(seed: int, runs: Runs, report: Report) -> None:
         out = runs.folder / f"cut{seed}-{number}"
         folder_after(steps[:end], out, some(rng) if number % 2 else lambda: True)
         told = sum(step.kind == "told" for step in steps[:end])
-        ended = ask(partial(_go_on, runs, out), runs.folder, MOST_S)
+        ended = Asked(partial(_go_on, runs, out), runs.folder).ended(MOST_S)
         name = f"seed {seed}: power cut {number}, step {end}"
         if not isinstance(ended.answer, int):
             report.found(f"{name}: {ended.answer or ended.said[-400:]!r}")

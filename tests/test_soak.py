@@ -61,12 +61,15 @@ def test_the_most_memory_that_a_file_takes_is_told_with_its_place(tmp_path, repo
 
 @pytest.mark.parametrize("status", [-6, -9, -14, 139])
 def test_a_reader_that_ends_its_process_is_found(tmp_path, report, monkeypatch, status):
-    def ask(function, folder, seconds):
-        (folder / "at").write_text("seed 41, file 7, a.laz")
-        return Ended(status, "terminate called")
+    class Asked:
+        def __init__(self, function, folder):
+            (folder / "at").write_text("seed 41, file 7, a.laz")
 
-    monkeypatch.setattr(soak_damage, "ask", ask)
-    soak_damage.play(41, tmp_path / "damaged", report)
+        def ended(self, seconds):
+            return Ended(status, "terminate called")
+
+    monkeypatch.setattr(soak_damage, "Asked", Asked)
+    soak_damage.Damages(41, tmp_path / "damaged").add_to(report)
     assert report.failures == [
         f"seed 41, file 7, a.laz: the process ended: status {status}: 'terminate called'"
     ]

@@ -238,6 +238,28 @@ def test_a_message_of_one_row_takes_no_more_room_than_its_data() -> None:
     assert rows.shape == (1, 12)
 
 
+@pytest.mark.parametrize("claimed", [1 << 17, 1 << 31, (1 << 32) - 1])
+def test_a_bag_makes_no_room_for_more_than_it_has(tmp_path: Path, claimed: int) -> None:
+    (tmp_path / "a.bag").write_bytes(bytes(100_000))
+    asked = []
+
+    class Raw(io.FileIO):
+        def readinto(self, buffer):
+            asked.append(len(buffer))
+            return super().readinto(buffer)
+
+    with bag_chunks.BoundedFile(Raw(tmp_path / "a.bag")) as file:
+        assert (file.read(10), len(file.read(claimed)), file.read(claimed)) == (
+            bytes(10),
+            99_990,
+            b"",
+        )
+    assert max(asked) <= 1 << 17
+
+    with bag_chunks.BoundedPath(tmp_path / "a.bag").open("rb") as file:
+        assert isinstance(file, bag_chunks.BoundedFile)
+
+
 @pytest.mark.parametrize("size", [1000, 9_000_000])
 @pytest.mark.parametrize(
     ("pack", "unpack"),

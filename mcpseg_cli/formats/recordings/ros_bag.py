@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.magic import recognise
-from mcpseg_cli.formats.recordings.bag_chunks import unpack_bz2, unpack_lz4
+from mcpseg_cli.formats.recordings.bag_chunks import BoundedPath, unpack_bz2, unpack_lz4
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
 
 _UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
@@ -52,7 +52,8 @@ class RosBag:
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
         self._path = path
         try:
-            self._reader = AnyReader(files, default_typestore=_usual_types())
+            bounded = [BoundedPath(one) if one.suffix == ".bag" else one for one in files]
+            self._reader = AnyReader(bounded, default_typestore=_usual_types())
             self._reader.open()
         except _DAMAGE as error:
             other = next((kind for one in files if (kind := _other_kind(one))), "")
