@@ -7,6 +7,7 @@ have one thread only, and no database open: neither survives a fork.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import json
 import os
@@ -22,6 +23,7 @@ from pathlib import Path
 
 from tests.commands import MOST_S
 
+_PR_SET_PDEATHSIG = 1
 _STEP_S = 0.002  # between two looks whether a process has ended
 
 
@@ -82,6 +84,7 @@ def _live(function: Callable[[], int], said: Path) -> None:
     """Be the new process; never return."""
     status = 70
     try:
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # ends with who started it
         os.setsid()
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)

@@ -1,31 +1,44 @@
 """A campaign of kills and damaged files that goes on until its time is up; not part of the suite.
 
-``make soak SECONDS=600``, or ``python -m tests.soak --seconds 600 --seed 1 -o report.json``: a
-round reads damaged files of every format (``soak_damage``), kills runs of ``mcpseg segment`` and of
-the other commands at random moments until they are done (``soak_kills``), flips bits of
-checkpoints, cuts the power, fills the disk and starts two runs at once (``soak_parts``). Each round
-has the next seed. The last lines say what was done and name the seeds that found something, and
-``--seconds 0 --seed N`` is that round again (kills fall a little otherwise). Exit 1 where outputs
-differ, or where something other than an error of one line comes out.
+``make soak SECONDS=600``, or ``python -m tests.soak --seconds 600 --seed 1 -o report.json``. Four
+things go on side by side, in rounds: damaged files of every format are read (``soak_damage``); runs
+of ``mcpseg segment``, and of the other commands, are killed at random moments until they are done
+(``soak_kills``); bits of checkpoints are flipped, the power cut, disks filled, and two runs started
+at once (``soak_parts``). Each round has the next seed. The last lines say what was done and name
+the seeds that found something, and ``--seconds 0 --seed N`` is that round again (kills fall a
+little otherwise). Exit 1 where outputs differ, or where something other than an error of one line
+comes out.
 """
 
 import argparse
+import copy
 import gc
 import json
 import os
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = os.environ["NUMBA_NUM_THREADS"] = "1"  # others do not survive forks
 
 import torch
 
+from mcpseg_cli.resumable import write_whole
 from tests import soak_damage, soak_parts
 from tests.commands import invoke
+from tests.forks import Fork
+from tests.soak_commands import killables
 from tests.soak_kills import Kills
 from tests.soak_report import Report
+
+KILLS_A_ROUND = 20  # of a command that segments
+KILLS_OF_OTHERS = 8
+_TELL_S = 60.0  # between two lines about what was done
+
+Play = Callable[[int, Report, float, float], None]
+"""Plays a round: seed, what it adds to, when to stop, share of what a round does."""
 
 
 def main(words: list[str] | None = None) -> int:
@@ -37,38 +50,90 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("-o", "--output", type=Path, help="JSON file to write")
     options = parser.parse_args(words)
 
-    report, deadline = Report(options.seed), time.monotonic() + options.seconds
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        report, folder = Report(options.seed), Path(name)
         with report.timed("before"):
-            runs, kills = soak_parts.Runs(folder), Kills(folder / "kills")
-            import_commands(runs)
-        while report.rounds == 0 or time.monotonic() < deadline:
-            seed = options.seed + report.rounds
-            damages = soak_damage.Damages(seed, folder / "damaged", options.share)
-            with report.timed("bits, races, disks, power"):
-                soak_parts.play(seed, runs, report, options.share)
-            with report.timed("kills"):
-                kills.play(seed, report, deadline, options.share)
-            with report.timed("damaged files"):  # all that time, beside the others
-                damages.add_to(report)
-            report.rounds += 1
-            print(f"seed {seed}, {report.age():,.0f} s: {report.line()}", flush=True)
-            if options.output:
-                options.output.write_text(json.dumps(report.as_json(), indent=1) + "\n")
-
-    print(report.last_lines())
-    return int(bool(report.failures))
+            plays = all_plays(folder)
+        deadline = time.monotonic() + options.seconds
+        workers = [
+            Worker(part, play, folder, options.seed, deadline, options.share)
+            for part, play in plays.items()
+        ]
+        while any(worker.is_busy() for worker in workers):
+            told = time.monotonic()
+            while time.monotonic() < told + _TELL_S and any(one.is_busy() for one in workers):
+                time.sleep(0.5)
+            tell(report, workers, options.output)
+        print(tell(report, workers, options.output).last_lines())
+    return int(any(worker.so_far().failures for worker in workers))
 
 
-def import_commands(runs: soak_parts.Runs) -> None:
-    """Import here what commands import, and load their kernels: forks have both then."""
+def all_plays(folder: Path) -> dict[str, Play]:
+    """Make what every part needs; import here what commands import, and load their kernels."""
+    runs = soak_parts.Runs(folder)
     for words in (runs.words(runs.folder / "warm"), ["merge", "a", "-o", "b"],
                   ["raytrace", "a", "-o", "b"], ["train", "a"], ["synth", "b", "--jobs", "0"],
                   ["export", "a", "-o", "b.ply"]):  # fmt: skip
         invoke(*words)
     gc.collect()
+    segments, others = killables(folder / "made")
+    for name in ("segments", "others"):
+        (folder / name).mkdir()
+    return {
+        "damaged files": lambda seed, report, _, share: soak_damage.play(
+            seed, folder / "damaged", report, share
+        ),
+        "bits, races, disks, power": lambda seed, report, _, share: soak_parts.play(
+            seed, runs, report, share
+        ),
+        "kills of segment": Kills(folder / "segments", segments, KILLS_A_ROUND).play,
+        "kills of others": Kills(folder / "others", others, KILLS_OF_OTHERS).play,
+    }
+
+
+class Worker:
+    """A process that plays rounds of one part until the time is up."""
+
+    def __init__(
+        self, part: str, play: Play, folder: Path, seed: int, deadline: float, share: float
+    ) -> None:
+        self._part, self._seed = part, seed
+        self._path = folder / f"{part}.json"
+        self._fork = Fork(lambda: self._go(play, deadline, share), folder / f"{part}.said")
+
+    def is_busy(self) -> bool:
+        """Tell whether it goes on."""
+        return self._fork.poll() is None
+
+    def so_far(self) -> Report:
+        """Return what it did, and that it ended badly if so."""
+        report = Report(self._seed)
+        if self._path.exists():
+            report.add(Report(**json.loads(self._path.read_text())))
+        if self._fork.poll():
+            report.found(f"{self._part}: ended: {self._fork.returncode}: {self._fork.said[-900:]}")
+        return report
+
+    def _go(self, play: Play, deadline: float, share: float) -> int:
+        report = Report(self._seed)
+        while report.rounds == 0 or time.monotonic() < deadline:
+            with report.timed(self._part):
+                play(self._seed + report.rounds, report, deadline, share)
+            report.rounds += 1
+            write_whole(self._path, json.dumps(report.as_dict()))
+        return 0
+
+
+def tell(before: Report, workers: list[Worker], output: Path | None) -> Report:
+    """Print and write what all did; return it."""
+    report = copy.deepcopy(before)
+    for worker in workers:
+        report.add(worker.so_far())
+    print(f"{report.age():,.0f} s: {report.line()}", flush=True)
+    if output:
+        write_whole(output, json.dumps(report.as_json(), indent=1) + "\n")
+    return report
 
 
 if __name__ == "__main__":

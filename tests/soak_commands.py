@@ -59,6 +59,7 @@ def _is_timed(name: str) -> bool:
 
 def killables(folder: Path) -> tuple[list[Killable], list[Killable]]:
     """Make what the commands need; return those that segment, by method, and all others."""
+    folder.mkdir()
     recording = write_recording(folder / "input", num_scans=NUM_SCANS)
     weights = {name: folder / f"{name}.safetensors" for name in ("mcpnet", "unet")}
     for name, _ in METHODS.values():

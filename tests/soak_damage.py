@@ -27,31 +27,17 @@ LIES = (0, 1, 0x7FFF, 0xFFFF, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1, (1
 WORDS = (b"-1", b"0", b"1e999", b"nan", b"9" * 20, b"9" * 400, b"9" * 5000, b"[[[[", b"\xff\xfe")
 
 
-class Damages:
-    """Damaged files that are read in a fork, while other things go on here."""
-
-    def __init__(self, seed: int, folder: Path, share: float = 1.0) -> None:
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
-        self._folder = folder
-        count = max(1, int(FILES_A_ROUND * share))
-        self._asked = Asked(lambda: _in_fork(seed, folder, count), folder)
-
-    def add_to(self, report: Report) -> None:
-        """Wait for the end, and add what was found to a report."""
-        ended = self._asked.ended(_ROUND_S)
-        if not isinstance(ended.answer, dict):
-            at = (self._folder / "at").read_text()
-            report.found(f"{at}: the process ended: status {ended.status}: {ended.said[-400:]!r}")
-            return
-        part = Report(**ended.answer)
-        report.read.update(part.read)
-        report.refused.update(part.refused)
-        report.failures += part.failures
-        if part.slowest_s > report.slowest_s:
-            report.slowest_s, report.slowest = part.slowest_s, part.slowest
-        if part.most_mb > report.most_mb:
-            report.most_mb, report.most = part.most_mb, part.most
+def play(seed: int, folder: Path, report: Report, share: float = 1.0) -> None:
+    """Damage files and read them in a fork, and add what it found to a report."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    count = max(1, int(FILES_A_ROUND * share))
+    ended = Asked(lambda: _in_fork(seed, folder, count), folder).ended(_ROUND_S)
+    if isinstance(ended.answer, dict):
+        report.add(Report(**ended.answer))
+    else:
+        at = (folder / "at").read_text()
+        report.found(f"{at}: the process ended: status {ended.status}: {ended.said[-400:]!r}")
 
 
 def _in_fork(seed: int, folder: Path, count: int) -> dict[str, object]:
@@ -62,7 +48,7 @@ def _in_fork(seed: int, folder: Path, count: int) -> dict[str, object]:
     resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     report = Report(seed)
     read_damaged(seed, files, folder, report, count)
-    return {name: value for name, value in vars(report).items() if name[0] != "_"}
+    return report.as_dict()
 
 
 def read_damaged(seed: int, files: list[Sound], folder: Path, report: Report, count: int) -> None:

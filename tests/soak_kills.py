@@ -12,11 +12,9 @@ from pathlib import Path
 
 from tests.commands import command, num_events, wait_until
 from tests.forks import Fork, run_command, run_to_end
-from tests.soak_commands import Killable, killables, outputs_in
+from tests.soak_commands import Killable, outputs_in
 from tests.soak_report import Report
 
-KILLS_A_ROUND = 20  # of a command that segments, at most
-KILLS_OF_OTHERS = 8
 NEW_INTERPRETERS = 0.1  # of all that are killed; the others are forks
 _COMPILING_S = 4.0  # what takes longer compiles kernels, the first time
 _FORK_S = 0.4  # to begin with the first scan
@@ -33,24 +31,27 @@ class Whole:
 
 @dataclass
 class Kills:
-    """The commands, and those that nobody killed."""
+    """Commands, and what they leave when nobody kills them.
+
+    Attributes:
+        folder: For what they write.
+        commands: Them; a round kills one.
+        most: How often.
+    """
 
     folder: Path
+    commands: list[Killable]
+    most: int
     wholes: dict[str, Whole] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self.folder.mkdir()
-        self._segments, self._others = killables(self.folder)
-
-    def play(self, seed: int, report: Report, deadline: float, share: float = 1.0) -> None:
-        """Kill one of the commands that segment, and one of the others, some times each."""
-        rng = random.Random(seed)
-        for commands, most in ((self._segments, KILLS_A_ROUND), (self._others, KILLS_OF_OTHERS)):
-            killed, left = commands[seed % len(commands)], ceil(most * share)
-            while left > 0:
-                left -= max(1, self.kill(killed, left, rng, report, deadline))
-                if time.monotonic() > deadline:
-                    break
+    def play(self, seed: int, report: Report, deadline: float, share: float) -> None:
+        """Kill a command some times; it starts from new where it was done before."""
+        rng, killed = random.Random(seed), self.commands[seed % len(self.commands)]
+        left = ceil(self.most * share)
+        while left > 0:
+            left -= max(1, self.kill(killed, left, rng, report, deadline))
+            if time.monotonic() > deadline:
+                break
 
     def kill(
         self, killed: Killable, most: int, rng: random.Random, report: Report, deadline: float

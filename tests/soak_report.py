@@ -62,8 +62,23 @@ class Report:
             "bit flips": self.bit_flips.total(),
             **self.others,
         }
-        known = {name: value for name, value in vars(self).items() if name[0] != "_"}
-        return {"sums": sums, **known}
+        return {"sums": sums, **self.as_dict()}
+
+    def add(self, part: Report) -> None:
+        """Add what a part of the campaign did and found."""
+        self.rounds = max(self.rounds, part.rounds)
+        self.kills_of_new_interpreters += part.kills_of_new_interpreters
+        self.failures += part.failures
+        for name in ("processor_s", "kills", "finished", "bit_flips", "others", "read", "refused"):
+            getattr(self, name).update(getattr(part, name))
+        if part.slowest_s > self.slowest_s:
+            self.slowest_s, self.slowest = part.slowest_s, part.slowest
+        if part.most_mb > self.most_mb:
+            self.most_mb, self.most = part.most_mb, part.most
+
+    def as_dict(self) -> dict[str, object]:
+        """Give what makes one again."""
+        return {name: value for name, value in vars(self).items() if name[0] != "_"}
 
     def line(self) -> str:
         """Say all in one line."""

@@ -69,7 +69,7 @@ def test_a_reader_that_ends_its_process_is_found(tmp_path, report, monkeypatch, 
             return Ended(status, "terminate called")
 
     monkeypatch.setattr(soak_damage, "Asked", Asked)
-    soak_damage.Damages(41, tmp_path / "damaged").add_to(report)
+    soak_damage.play(41, tmp_path / "damaged", report)
     assert report.failures == [
         f"seed 41, file 7, a.laz: the process ended: status {status}: 'terminate called'"
     ]
