@@ -1,42 +1,13 @@
-"""Bags that lie: a record or a small chunk may claim any size, or hold it."""
+"""Compressed chunks of bags, unpacked up to a bound: a small one may claim or hold any size."""
 
 from __future__ import annotations
 
-import io
-import sys
 from bz2 import BZ2Decompressor
 
 import zstandard
 from lz4.frame import LZ4FrameDecompressor
 
 from mcpseg_cli.formats.claims import MOST_TIMES, SPARE
-
-if sys.platform == "win32":
-    from pathlib import WindowsPath as SystemPath
-else:
-    from pathlib import PosixPath as SystemPath
-
-_FEW = 1 << 16  # bytes for which there is room in any case
-
-
-class BoundedPath(SystemPath):
-    """A path of a file that, opened, makes no room for more bytes than it has."""
-
-    def open(self, *_: object, **__: object) -> BoundedFile:  # type: ignore[override]
-        """Open it to read bytes."""
-        return BoundedFile(io.FileIO(self))
-
-
-class BoundedFile(io.BufferedReader):
-    """A file of which no more is read than there is: ``read`` makes room before it looks."""
-
-    def read(self, size: int | None = -1) -> bytes:
-        """Read up to ``size`` bytes."""
-        if size is not None and size > _FEW:
-            at = self.tell()
-            size = min(size, max(0, self.seek(0, io.SEEK_END) - at))
-            self.seek(at)
-        return super().read(size)
 
 
 def unpack_bz2(data: bytes) -> bytes:
