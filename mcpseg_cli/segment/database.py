@@ -119,7 +119,7 @@ class Database:
         except UnicodeDecodeError as error:  # damage in what SQLite itself reads
             raise self.damaged("text that is no UTF-8") from error
         except sqlite3.Error as error:
-            reason = str(error)
+            reason = " ".join(str(error).split())  # SQLite shows statements as they were written
             if "locked" in reason:
                 raise StateInUseError(
                     f"{self._name}: in use by another mcpseg; expected one writer; "
