@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.scan_source import ScanSource
-from mcpseg_cli.resumable import exclusive
+from mcpseg_cli.resumable import exclusive, is_leftover
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
@@ -152,7 +152,7 @@ def clear_run(output: Path, recording: Sequence[ScanSource]) -> None:
             "expected nothing else there; move it away, or choose another -o"
         )
 
-    for path in clouds:
+    for path in [*clouds, *_leftovers(scans)]:
         path.unlink()
     for name in (*_FILES, _STATE):
         (output / name).unlink(missing_ok=True)
@@ -178,7 +178,16 @@ def _stem(name: str) -> str:
 
 def _clouds(folder: Path) -> list[Path]:
     """List the labelled scans in a folder and those in it, which need not exist."""
-    return [path for path in folder.rglob("*") if path.suffix.lower() in CLOUD_SUFFIXES]
+    return [
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in CLOUD_SUFFIXES and not is_leftover(path.name)
+    ]
+
+
+def _leftovers(folder: Path) -> list[Path]:
+    """List what a killed run left incomplete in a folder and those in it."""
+    return [path for path in folder.rglob(".*") if is_leftover(path.name) and path.is_file()]
 
 
 def _check_content(output: Path) -> None:

@@ -50,6 +50,19 @@ def test_a_cloud_of_the_user_s_among_the_labelled_scans_is_told_before_anything_
     assert files_in(out) == before
 
 
+@pytest.mark.parametrize("name", [".000001.123-456.part.ply", "part/.a.123-456.part.laz"])
+def test_what_a_killed_run_left_incomplete_does_not_hinder_overwriting(
+    labelled_run, out, weights_path, name
+):
+    (out / "scans/part").mkdir()
+    (out / "scans" / name).write_text("half a sc")
+    with open_run(labelled_run, out, weights_path) as run:
+        list(run.run())
+        run.write_objects()
+    assert not (out / "scans" / name).exists()
+    assert (out / "map.ply").read_bytes() == (labelled_run.out / "map.ply").read_bytes()
+
+
 def test_overwriting_cut_short_at_any_deletion_is_done_by_the_same_command(
     labelled_run, out, weights_path, tmp_path, monkeypatch
 ):
