@@ -141,6 +141,11 @@ def partial_folder(path: Path) -> Path:
     return path.with_name(f".{path.name}{_PARTIAL}")
 
 
+def is_leftover(name: str) -> bool:
+    """Tell whether a file is named as an incomplete one of this program."""
+    return _LEFTOVER.fullmatch(name) is not None
+
+
 def remove_leftovers(folder: Path) -> None:
     """Delete the files that killed processes left incomplete.
 

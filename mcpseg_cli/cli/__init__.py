@@ -3,6 +3,7 @@
 Heavy imports happen inside the commands, so that ``--help`` answers at once.
 """
 
+import gc
 import sys
 from io import TextIOWrapper
 
@@ -19,6 +20,8 @@ from mcpseg_cli.cli.segment import segment
 from mcpseg_cli.cli.synth import synth
 from mcpseg_cli.cli.train import train
 from mcpseg_cli.cli.view import view
+
+_OBJECTS = 200_000  # between two searches for cycles, which take a second of a start otherwise
 
 app = typer.Typer(
     name="mcpseg",
@@ -64,6 +67,7 @@ app.command("import-weights")(import_weights)
 
 def main() -> None:
     """Run the command line; what a terminal's encoding lacks is printed as an escape."""
+    gc.set_threshold(_OBJECTS, 20, 20)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -71,7 +71,8 @@ def merge(
         notice(f"mcpseg: {folder}: no voxel in it, left out", quiet=quiet)
     if not merged.is_new:
         notice(f"mcpseg: nothing new: {output} is the merge of these maps", quiet=quiet)
-    _print(merged, output, as_json=as_json)
+    if as_json or not quiet:
+        _print(merged, output, as_json=as_json)
 
 
 def _transform(text: str) -> tuple[Path, NDArray[np.float64]]:

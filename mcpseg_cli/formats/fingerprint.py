@@ -81,6 +81,9 @@ def _files(path: Path) -> tuple[Path, ...]:
 
 def _status(paths: Sequence[Path]) -> tuple[int, int]:
     """Return bytes of all files, and when one was last changed."""
+    if len(paths) == 1:
+        one = paths[0].stat()
+        return one.st_size, one.st_mtime_ns
     found = [path.stat() for path in paths]
     return sum(one.st_size for one in found), max((one.st_mtime_ns for one in found), default=0)
 

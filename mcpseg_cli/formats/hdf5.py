@@ -197,7 +197,8 @@ def _authors_building(path: Path, file: h5py.File) -> Building:
     xyz, rgb = np.empty((count, 3), np.float32), np.empty((count, 3), np.uint8)
     semantic, instance = np.empty(count, np.uint8), np.empty(count, np.int32)
     for start in range(0, count, _ROWS):
-        rows = table[start : start + _ROWS].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # NaN is refused below
+            rows = table[start : start + _ROWS].astype(np.float64)
         part = slice(start, start + len(rows))
         labels, classes = rows[:, 6:], len(MCPNET_CLASSES)
         in_range = (labels[:, 1] >= 0).all() and (labels < [2**31, classes]).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.claims import open_bounded
 from mcpseg_cli.formats.obj_groups import regroup_obj
 from mcpseg_cli.scan import GREY
 
@@ -22,7 +24,7 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
 _NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
 _DAMAGE = (  # what trimesh raises for damaged files
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, NotImplementedError,
-    EOFError, MemoryError, NameError, StructError,
+    EOFError, MemoryError, NameError, StructError, AssertionError,
 )  # fmt: skip
 _LARGEST = 2048  # pixels of a texture
 
@@ -123,7 +125,9 @@ def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]
         scene = trimesh.load_scene(text, file_type="obj", resolver=resolver, process=False)
     else:
         objects = {}
-        scene = trimesh.load_scene(path, process=False)
+        is_glb = path.suffix.lower() == ".glb"
+        with open_bounded(path) if is_glb else nullcontext(path) as file:
+            scene = trimesh.load_scene(file, file_type="glb" if is_glb else None, process=False)
 
     found = []
     for node in scene.graph.nodes_geometry:

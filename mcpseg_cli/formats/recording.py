@@ -127,12 +127,13 @@ def _list_folder(path: Path) -> Recording:
             return replace(paired, path=path, notes=(note,))
 
     scans: list[ScanSource] = []
-    for file in list_scans(path):
+    files = list_scans(path)
+    for file in files:
         if file.suffix.lower() in STATION_SUFFIXES:
             scans += open_stations(file)
         else:
             scans.append(ScanFile(file, None, path))
-    endings = sorted({file.suffix.lower().lstrip(".") for file in list_scans(path)})
+    endings = sorted({file.suffix.lower().lstrip(".") for file in files})
     return Recording(path, f"folder of scans ({', '.join(endings)})", tuple(scans))
 
 

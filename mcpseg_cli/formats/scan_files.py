@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import CLOUD_SUFFIXES, READ_ONLY_SUFFIXES, Cloud, read_measured
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.magic import recognise
-from mcpseg_cli.formats.natural_order import natural_key
+from mcpseg_cli.formats.natural_order import natural_key, split_ending
 from mcpseg_cli.formats.scan_source import Placeable, check_names
 
 STATION_SUFFIXES = (".e57", ".ptx")  # files of several scans, each with its pose
@@ -42,11 +44,15 @@ class ScanFile(Placeable):
     frame: Frame | None = None
     lost: str = ""
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Its path below the recording: a file name, or ``run1/000000.ply``."""
-        folder = self.path.parent if self.folder is None else self.folder
-        return self.path.relative_to(folder).as_posix()
+        if self.folder is None:
+            return self.path.name
+        folder, path = f"{self.folder}{os.sep}", str(self.path)
+        if path.startswith(folder):  # what pathlib finds out part by part
+            return path[len(folder) :].replace(os.sep, "/")
+        return self.path.relative_to(self.folder).as_posix()
 
     def read(self) -> Cloud:
         """Read its points, see ``read_measured``."""
@@ -102,15 +108,18 @@ def _list(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 def _files_below(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     """List the scans of a folder; of its sub-folders where it has none, runs left out."""
-    entries = sorted(directory.iterdir(), key=lambda path: natural_key(path.name))
-    entries = [path for path in entries if path.name[0] != "."]
-    files = [path for path in entries if path.is_file() and path.suffix.lower() in suffixes]
+    with os.scandir(directory) as found:
+        named = {entry.name: entry for entry in found if entry.name[0] != "."}
+    names = sorted(named, key=natural_key)
+    ended = [name for name in names if split_ending(name)[1].lower() in suffixes]
+    files = [directory / name for name in ended if named[name].is_file()]
 
     surest = min(map(_doubt, files), default=len(_ALSO_OTHER_THINGS) + 1)
     files = [path for path in files if _doubt(path) == surest]
     if surest < len(_ALSO_OTHER_THINGS):
         return files
-    folders = [path for path in entries if path.is_dir() and not (path / _RUN).exists()]
+    folders = [directory / name for name in names if named[name].is_dir()]
+    folders = [folder for folder in folders if not (folder / _RUN).exists()]
     below = [path for folder in folders for path in _files_below(folder, suffixes)]
     return below if min(map(_doubt, below), default=surest) < surest else files
 

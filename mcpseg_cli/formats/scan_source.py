@@ -14,6 +14,7 @@ from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.cloud import Cloud
 from mcpseg_cli.formats.fingerprint import Fingerprint
+from mcpseg_cli.formats.natural_order import split_ending
 
 POSES_NOTE = "poses: "
 """What a recording's note of its own poses begins with."""
@@ -201,11 +202,12 @@ def check_names(path: Path, scans: Sequence[ScanSource]) -> None:
     """
     seen: dict[str, ScanSource] = {}
     for source in scans:
-        if any("\ud800" <= letter <= "\udfff" for letter in source.name):
-            found = f"a scan called {source.name!r}"
+        name = source.name
+        if not name.isascii() and any("\ud800" <= letter <= "\udfff" for letter in name):
+            found = f"a scan called {name!r}"
             raise InputError(path, found, "a name in UTF-8", "rename it")
-        stem = str(Path(source.name).with_suffix(""))
+        stem, _ = split_ending(name)
         if stem in seen:
-            found = f"{seen[stem].name} and {source.name} have the same scan name"
+            found = f"{seen[stem].name} and {name} have the same scan name"
             raise InputError(path, found, "one file a scan", "rename or remove one")
         seen[stem] = source

@@ -139,10 +139,9 @@ class State:
         Args:
             name: What it is called.
         """
-        for _, num_scans, sha256 in self._database.rows("outputs", "name = ?", (name,)):
-            if num_scans == len(self._sizes):
-                return str(sha256)
-        return None
+        known = {row[0]: row[1:] for row in self._database.rows("outputs")}  # none unchecked
+        num_scans, sha256 = known.get(name, (None, None))
+        return str(sha256) if num_scans == len(self._sizes) else None
 
     def set_written(self, name: str, sha256: str) -> None:
         """Write down the hash of an output that shows the map as it is after the last scan."""

@@ -16,6 +16,7 @@ Value = None | int | float | str | bytes | memoryview
 
 _APPLICATION_ID = 0x6D637073  # "mcps"
 _NOT_WRITABLE = ("full", "I/O", "readonly", "unable to open")  # in SQLite's words
+_SMALL = 1 << 12  # bytes of a row that are joined before they are checked: one call, not thirty
 _SHOWN_SCHEMA = "SELECT type, name, tbl_name, sql FROM sqlite_schema ORDER BY type, name"
 
 
@@ -119,7 +120,7 @@ class Database:
         except UnicodeDecodeError as error:  # damage in what SQLite itself reads
             raise self.damaged("text that is no UTF-8") from error
         except sqlite3.Error as error:
-            reason = str(error)
+            reason = " ".join(str(error).split())  # SQLite shows statements as they were written
             if "locked" in reason:
                 raise StateInUseError(
                     f"{self._name}: in use by another mcpseg; expected one writer; "
@@ -187,8 +188,9 @@ def row_checksum(table: str, values: Sequence[Value]) -> int:
             parts.append(b"f" + struct.pack("<d", value))
         else:
             parts += _sized(value)
+    is_small = sum(map(len, parts)) < _SMALL
     crc = 0
-    for part in parts:
+    for part in [b"".join(parts)] if is_small else parts:
         crc = zlib.crc32(part, crc)
     return crc
 

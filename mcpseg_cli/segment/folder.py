@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 from mcpseg_cli.errors import OutputError, StateError, StateInUseError
 from mcpseg_cli.formats import CLOUD_SUFFIXES
 from mcpseg_cli.formats.scan_source import ScanSource
-from mcpseg_cli.resumable import exclusive, remove_leftovers
+from mcpseg_cli.resumable import exclusive, is_leftover
 from mcpseg_cli.segment.checkpoint import State
 
 _SMALLEST_DATABASE = 512  # bytes, of SQLite's smallest page
@@ -139,14 +139,11 @@ def clear_run(output: Path, recording: Sequence[ScanSource]) -> None:
     if not any((output / name).is_file() for name in (_STATE, "run.json")):
         return
 
-    # look first; what a killed process left incomplete is nobody's
-    scans = output / "scans"
-    for folder in (output, scans, *scans.rglob("*/")):
-        if not folder.is_symlink():
-            remove_leftovers(folder)
+    # look first
     stems = _stems_of_run(output)
     if stems is None:
         stems = {_stem(source.name) for source in recording}
+    scans = output / "scans"
     clouds = _clouds(scans)
     names = [path.relative_to(scans).as_posix() for path in clouds]
     if foreign := [name for name in names if _stem(name) not in stems]:
@@ -155,7 +152,7 @@ def clear_run(output: Path, recording: Sequence[ScanSource]) -> None:
             "expected nothing else there; move it away, or choose another -o"
         )
 
-    for path in clouds:
+    for path in [*clouds, *_leftovers(scans)]:
         path.unlink()
     for name in (*_FILES, _STATE):
         (output / name).unlink(missing_ok=True)
@@ -181,7 +178,16 @@ def _stem(name: str) -> str:
 
 def _clouds(folder: Path) -> list[Path]:
     """List the labelled scans in a folder and those in it, which need not exist."""
-    return [path for path in folder.rglob("*") if path.suffix.lower() in CLOUD_SUFFIXES]
+    return [
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in CLOUD_SUFFIXES and not is_leftover(path.name)
+    ]
+
+
+def _leftovers(folder: Path) -> list[Path]:
+    """List what a killed run left incomplete in a folder and those in it."""
+    return [path for path in folder.rglob(".*") if is_leftover(path.name) and path.is_file()]
 
 
 def _check_content(output: Path) -> None:

@@ -6,13 +6,14 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.formats import CLOUD_SUFFIXES
+from mcpseg_cli.formats.natural_order import split_ending
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.objects import MapObject, objects_text
 from mcpseg_cli.resumable import flush, remove_leftovers, whole_file
@@ -32,9 +33,9 @@ def labelled_name(name: str, ending: str | None) -> str:
         ending: Format of the copy, without a dot; None for the scan's own, or PLY where that is
             only read.
     """
-    path = PurePath(name)
-    own = path.suffix if path.suffix.lower() in CLOUD_SUFFIXES else ".ply"
-    return path.with_suffix(f".{ending}" if ending else own).as_posix()
+    stem, suffix = split_ending(name)
+    own = suffix if suffix.lower() in CLOUD_SUFFIXES else ".ply"
+    return f"{stem}.{ending}" if ending else f"{stem}{own}"
 
 
 class Outputs:

@@ -1,6 +1,8 @@
 """Bags: which topic has the scans, where the sensor was, and what is refused."""
 
+import sqlite3
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -407,6 +409,14 @@ def test_an_mcap_that_is_cut_short_gives_what_is_whole_and_says_so(small, tmp_pa
     recording = open_recording(bag)
     assert 0 < len(recording) < 4
     assert "cut short or still being written" in recording.notes[0]
+
+
+@pytest.mark.parametrize("value", [5, 10**12, 1.5, "text"])
+def test_a_message_that_is_no_blob_is_refused(value, small, tmp_path):
+    bag = write("ROS 2 bag (SQLite)", tmp_path, both(small))
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database, database:
+        database.execute("UPDATE messages SET data = ?", (value,))
+    assert "a message that is a " in refusal(bag)
 
 
 @pytest.mark.parametrize("kind", ["ROS 1 bag", "ROS 2 bag (SQLite)"])

@@ -1,5 +1,6 @@
 """HDF5 buildings, the authors' files, and the reader of whatever holds a building."""
 
+import warnings
 from pathlib import Path
 
 import h5py
@@ -240,6 +241,14 @@ def with_value(column: int, value: float) -> np.ndarray:
 def test_tables_that_are_not_the_authors_are_refused(tmp_path, datasets, says):
     with pytest.raises(InputError, match=says):
         read_building_h5(write_h5(tmp_path / "a.h5", **datasets))
+
+
+@pytest.mark.parametrize("width", [4, 8])
+def test_a_signalling_nan_is_refused_without_a_warning(tmp_path, width):
+    table = authors_table().astype(f"<f{width}")
+    table.view(f"<u{width}")[2, 0] = {4: 0x7F800001, 8: 0x7FF0000000000001}[width]
+    with warnings.catch_warnings(action="error"), pytest.raises(InputError, match="NaN"):
+        read_building_h5(write_h5(tmp_path / "a.h5", points=table))
 
 
 # --- any building

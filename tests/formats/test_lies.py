@@ -21,7 +21,7 @@ from PIL import Image
 from pye57 import E57
 
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats import read_cloud
+from mcpseg_cli.formats import claims, read_cloud
 from mcpseg_cli.formats.claims import SPARE, check_claim
 from mcpseg_cli.formats.hdf5 import read_building_h5
 from mcpseg_cli.formats.meshes import read_mesh
@@ -238,6 +238,28 @@ def test_a_message_of_one_row_takes_no_more_room_than_its_data() -> None:
     assert rows.shape == (1, 12)
 
 
+@pytest.mark.parametrize("claimed", [1 << 17, 1 << 31, (1 << 32) - 1])
+def test_a_bounded_file_makes_no_room_for_more_than_it_has(tmp_path: Path, claimed: int) -> None:
+    (tmp_path / "a.bag").write_bytes(bytes(100_000))
+    asked = []
+
+    class Raw(io.FileIO):
+        def readinto(self, buffer):
+            asked.append(len(buffer))
+            return super().readinto(buffer)
+
+    with claims.BoundedFile(Raw(tmp_path / "a.bag")) as file:
+        assert (file.read(10), len(file.read(claimed)), file.read(claimed)) == (
+            bytes(10),
+            99_990,
+            b"",
+        )
+    assert max(asked) <= 1 << 17
+
+    with claims.BoundedPath(tmp_path / "a.bag").open("rb") as file:
+        assert isinstance(file, claims.BoundedFile)
+
+
 @pytest.mark.parametrize("size", [1000, 9_000_000])
 @pytest.mark.parametrize(
     ("pack", "unpack"),
@@ -345,3 +367,54 @@ def test_colours_of_an_e57_that_are_no_numbers_are_refused(tmp_path: Path) -> No
 def test_a_quaternion_beyond_all_bounds_is_refused_without_a_warning() -> None:
     with pytest.raises(InputError, match="a quaternion of length inf"):
         from_quaternion(Path("a.bag"), [0, 0, 0], [1e300] * 4, "a pose")
+
+
+def lying_las(path: Path) -> None:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    file = laspy.LasData(header)
+    file.x = file.y = file.z = np.arange(40.0)
+    file.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("a", 1, record_data=b"12345678")])
+    file.write(path)
+    data = bytearray(path.read_bytes())
+    (first,) = struct.unpack_from("<Q", data, 235)
+    struct.pack_into("<Q", data, first + 20, 1 << 40)
+    path.write_bytes(data)
+
+
+def lying_png(path: Path) -> None:
+    Image.fromarray(np.full((6, 8), 900, np.uint16)).save(path)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"IDAT")
+    struct.pack_into(">I", data, at - 4, (1 << 32) - 20)
+    path.write_bytes(data)
+
+
+def lying_glb(path: Path) -> None:
+    trimesh.creation.box().export(path)
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<I", data, 12, (1 << 32) - 20)
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "read"),
+    [("a.las", lying_las, read_cloud), ("a.png", lying_png, read_depth),
+     ("a.glb", lying_glb, read_mesh)],
+)  # fmt: skip
+def test_no_library_asks_for_more_than_a_file_has(tmp_path, monkeypatch, name, write, read):
+    write(tmp_path / name)
+    asked = []
+
+    class Watched(claims.BoundedFile):
+        def read(self, size=-1):
+            data = super().read(size)
+            asked.append((size or 0, len(data)))
+            return data
+
+    for module in ("las", "meshes", "recordings.depth_frames"):
+        opened = f"mcpseg_cli.formats.{module}.open_bounded"
+        monkeypatch.setattr(opened, lambda path: Watched(io.FileIO(str(path))))
+    with suppress(InputError):  # a picture may be whole but for that
+        read(tmp_path / name)
+    assert max(size for size, _ in asked) > 1 << 30
+    assert max(found for _, found in asked) < 1 << 20

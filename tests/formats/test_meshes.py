@@ -1,6 +1,7 @@
 """Meshes as buildings: parts, names, colours, axes, units, classes, points on triangles."""
 
 import json
+import re
 import struct
 from pathlib import Path
 
@@ -148,6 +149,15 @@ def test_a_cut_glb_is_one_line(tmp_path, content):
     (tmp_path / "bad.glb").write_bytes(content)
     with pytest.raises(InputError, match=r"bad\.glb: no "):
         building_of(tmp_path / "bad.glb")
+
+
+@pytest.mark.parametrize("field", [b"byteLength", b"byteOffset", b"count"])
+def test_a_glb_that_promises_more_than_it_has_is_one_line(tmp_path, field):
+    path = write_glb(tmp_path / "bad.glb")
+    promise = re.compile(b'"%b":\\d' % field)
+    path.write_bytes(promise.sub(b'"%b":9' % field, path.read_bytes()))
+    with pytest.raises(InputError, match=r"bad\.glb: no mesh"):
+        read_mesh(path)
 
 
 def test_meshes_are_no_buildings_where_nobody_asks_for_them(tmp_path):

@@ -1,14 +1,17 @@
 """Recordings: scans in natural order, each with its pose, in the map frame."""
 
 import shutil
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, write_cloud
+from mcpseg_cli.formats.natural_order import split_ending
 from mcpseg_cli.formats.recording import ScanFile, list_clouds, open_recording, read_scan
 
 
@@ -216,3 +219,19 @@ def test_a_recording_in_the_sensors_frame_is_the_same_as_in_the_maps(
         expected, _ = read_scan(ours, "map", 0.1)
         actual, _ = read_scan(theirs, "sensor", 0.1)
         np.testing.assert_allclose(actual.xyz, expected.xyz, atol=1e-5)
+
+
+@given(st.from_regex(r"[a.é_]{0,4}(/[a.é_]{1,5}){0,2}", fullmatch=True))
+def test_names_are_split_before_their_ending_as_pathlib_does(name):
+    path = PurePosixPath(name)
+    if path.as_posix() == name and path.name and path.name[-1] != "." and path.name.strip("."):
+        stem, ending = split_ending(name)
+        assert (stem, ending) == (path.with_suffix("").as_posix(), path.suffix)
+
+
+def test_a_scan_is_named_below_its_folder_however_that_is_spelled(tmp_path):
+    for folder, path in (("scans", "scans/run1/7.ply"), (".", "run1/7.ply"), ("/", "/run1/7.ply")):
+        assert ScanFile(Path(path), None, Path(folder)).name == "run1/7.ply"
+    assert ScanFile(Path("scans/7.ply"), None).name == "7.ply"
+    source = ScanFile(tmp_path / "a" / "7.ply", None, tmp_path)
+    assert source.with_pose(np.eye(4)).name == source.name == "a/7.ply"

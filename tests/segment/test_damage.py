@@ -31,6 +31,20 @@ def test_no_flipped_bit_of_the_types_of_a_scan_s_columns_changes_it(labelled_run
     assert flips_that_pass(path, tmp_path / "state.sqlite", bits) == []
 
 
+def test_a_flipped_bit_of_a_table_s_statement_is_one_line(labelled_run, tmp_path):
+    path = labelled_run.out / "state.sqlite"
+    place = path.read_bytes().index(b"CREATE TABLE outputs (\n")
+    bits = range(8 * (place + 7), 8 * (place + 23))
+    assert flips_that_pass(path, tmp_path / "state.sqlite", bits) == []
+
+
+def test_no_flipped_bit_of_an_output_s_row_hides_it(labelled_run, tmp_path):
+    path = labelled_run.out / "state.sqlite"
+    place = path.read_bytes().rindex(b"objects.json")
+    bits = range(8 * (place - 8), 8 * (place + 100))
+    assert flips_that_pass(path, tmp_path / "state.sqlite", bits) == []
+
+
 def test_another_type_or_another_place_of_the_same_bytes_is_another_row():
     rows = [
         ("t", (None,)), ("t", (0,)), ("t", (0.0,)), ("t", ("",)), ("t", (b"",)), ("u", (None,)),

@@ -17,7 +17,7 @@ from PIL import Image
 
 from mcpseg_cli.choices import Frame
 from mcpseg_cli.errors import InputError
-from mcpseg_cli.formats.claims import check_claim
+from mcpseg_cli.formats.claims import check_claim, open_bounded
 from mcpseg_cli.formats.cloud import Cloud, checked
 from mcpseg_cli.formats.fingerprint import Fingerprint
 from mcpseg_cli.formats.npy import read_npy
@@ -235,7 +235,7 @@ def read_image(path: Path) -> NDArray[np.generic]:
 
 def _read(path: Path, mode: str | None) -> NDArray[np.generic]:
     """Read an image through Pillow, which Open3D brings: of its own reader, damage is the end."""
-    with path.open("rb") as file, catch_warnings(action="ignore"):
+    with open_bounded(path) as file, catch_warnings(action="ignore"):
         try:
             with Image.open(file, formats=_PICTURES) as image:
                 claim = f"an image of {image.width:,} x {image.height:,}"

@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.claims import BoundedPath
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.bag_chunks import unpack_bz2, unpack_lz4
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
@@ -29,7 +30,7 @@ _UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
 }
 _DAMAGE = (
     AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, apsw.Error,
-    OverflowError, MemoryError, RuntimeError, StructError,
+    OverflowError, MemoryError, RuntimeError, StructError, TypeError,
 )  # fmt: skip
 
 
@@ -52,7 +53,8 @@ class RosBag:
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
         self._path = path
         try:
-            self._reader = AnyReader(files, default_typestore=_usual_types())
+            bounded = [BoundedPath(one) if one.suffix == ".bag" else one for one in files]
+            self._reader = AnyReader(bounded, default_typestore=_usual_types())
             self._reader.open()
         except _DAMAGE as error:
             other = next((kind for one in files if (kind := _other_kind(one))), "")
@@ -86,7 +88,7 @@ class RosBag:
                 at = (numbers[id(connection)], time_ns)
                 nth = before.get(at, 0)
                 before[at] = nth + 1
-                yield RawMessage(connection.topic, time_ns, bytes(data), (*at, nth))
+                yield RawMessage(connection.topic, time_ns, _blob(data), (*at, nth))
         except _DAMAGE as error:
             raise _refusal(self._path, error) from error
 
@@ -97,7 +99,7 @@ class RosBag:
         try:
             found = self._reader.messages(which, start=time_ns, stop=time_ns + 1)
             for connection, at, data in islice(found, nth, nth + 1):
-                return RawMessage(connection.topic, at, bytes(data), place)
+                return RawMessage(connection.topic, at, _blob(data), place)
         except _DAMAGE as error:
             raise _refusal(self._path, error) from error
         remedy = "leave it alone while it is read"
@@ -110,6 +112,13 @@ class RosBag:
             return self._reader.deserialize(raw.data, topic.type)
         except (*NOT_DECODED, AnyReaderError) as error:
             raise undecoded(self._path, topic, error) from error
+
+
+def _blob(data: object) -> bytes:
+    """Take the bytes of a message; a damaged database may have a number in their place."""
+    if not isinstance(data, bytes | bytearray | memoryview):
+        raise TypeError(f"a message that is a {type(data).__name__}")
+    return bytes(data)
 
 
 @cache
