@@ -1,5 +1,6 @@
 """Bags: which topic has the scans, where the sensor was, and what is refused."""
 
+import builtins
 import sqlite3
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -8,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import Writer
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.recording import Recording, TopicChoice, open_recording, read_scan
+from mcpseg_cli.formats.recordings.message_types import guard
 from tests import containers
 from tests.containers import WALK, Message, Sweep
 from tests.formats.test_rgbd import MATRIX, colour_image, depth_image, write_scannet
@@ -150,9 +153,12 @@ def test_scans_of_one_moment_have_names_of_their_own(small, tmp_path):
 # --- points ---
 
 
-def test_points_without_return_are_dropped_and_other_fields_kept(small, tmp_path):
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bits", [0x7FC00000, 0x7FA00000], ids=["quiet", "signalling"])
+def test_points_without_return_are_dropped_and_other_fields_kept(bits, small, tmp_path):
     table = np.zeros((2, 3), [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("ring", "<u2")])
-    table["x"] = [[np.nan, 1, 2], [0, 4, 5]]
+    table["x"] = [[7, 1, 2], [0, 4, 5]]
+    table["x"].view("<u4")[0, 0] = bits
     table["ring"] = [[0, 1, 2], [3, 4, 5]]
     cloud = containers.table_cloud(table, small[0].stamp_ns, "/points", "lidar")
     (source,) = open_recording(write_small(tmp_path, [containers.odometry(small[0]), cloud]))
@@ -395,6 +401,47 @@ def test_a_message_that_is_not_of_its_type_is_refused(tmp_path):
         writer.add_message(channel, 0, b"\0\1\0\0\7", 0)
         writer.finish()
     assert "a message on /points that is no sensor_msgs/msg/PointCloud2" in refusal(bag)
+
+
+HOSTILE = "a/msg/B:\n    pass\nimport builtins\nbuiltins.ran = True\nclass C"
+
+
+@pytest.mark.parametrize(
+    ("name", "definition"),
+    [
+        (HOSTILE, b"int32 x\n"),
+        ("class", b"int32 x\n"),
+        ("3d/msg/B", b"int32 x\n"),
+        ("a/msg/B", b"int32 1x\n"),
+        ("a/msg/B", b"int32 x\n" + b"=" * 80 + b"\nMSG: " + HOSTILE.encode() + b"\nint32 y\n"),
+    ],
+)
+def test_no_name_of_a_message_type_is_run(name, definition, tmp_path):
+    with (tmp_path / "walk.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        for number, (what, text) in enumerate(
+            [("sensor_msgs/msg/PointCloud2", b""), (name, definition)]
+        ):
+            schema = writer.register_schema(what, "ros2msg", text)
+            channel = writer.register_channel(f"/topic{number}", "cdr", schema)
+            writer.add_message(channel, 0, b"\0\1\0\0\7", 0)
+        writer.finish()
+    assert "\n" not in refusal(tmp_path / "walk.mcap").strip()
+    assert not hasattr(builtins, "ran")
+
+
+def test_no_name_of_a_message_type_of_a_bag_is_run(small, tmp_path):
+    bag = write("ROS 1 bag", tmp_path, both(small))
+    data = bag.read_bytes()
+    fields = b"uint32 height"
+    assert fields in data
+    bag.write_bytes(data.replace(fields, b"uint32 hei:ht"))
+    assert "rosbags" in refusal(bag)
+    guard()
+    with pytest.raises(TypesysError, match="name"):
+        get_typestore(Stores.EMPTY).register({HOSTILE: ([], [])})
+    assert not hasattr(builtins, "ran")
 
 
 def test_a_bag_without_clouds_is_refused_with_its_topics(small, tmp_path):

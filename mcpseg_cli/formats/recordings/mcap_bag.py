@@ -40,6 +40,7 @@ from mcpseg_cli.formats.recordings.bag_files import (
     ros_type,
     undecoded,
 )
+from mcpseg_cli.formats.recordings.message_types import guard
 
 _MAGIC = b"\x89MCAP0\r\n"
 _DATA = {int(Opcode.SCHEMA), int(Opcode.CHANNEL), int(Opcode.MESSAGE), int(Opcode.CHUNK)}
@@ -186,6 +187,7 @@ class McapBag:
         ):
             usual = get_typestore(_STORES[encoding]).fielddefs
             types = {**get_types_from_msg(_TF, "tf2_msgs/msg/TFMessage"), **usual, **types}
+        guard()
         store = get_typestore(Stores.EMPTY)
         try:
             store.register(types)

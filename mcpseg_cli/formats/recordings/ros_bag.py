@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag1 import ReaderError as Reader1Error
 from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import ReaderError as Reader2Error
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mcpseg_cli.errors import InputError
@@ -23,6 +23,7 @@ from mcpseg_cli.formats.claims import BoundedPath
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.recordings.bag_chunks import unpack_bz2, unpack_lz4
 from mcpseg_cli.formats.recordings.bag_files import NOT_DECODED, Place, RawMessage, Topic, undecoded
+from mcpseg_cli.formats.recordings.message_types import guard
 
 _UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
     decompressors["bz2"]: unpack_bz2,
@@ -30,7 +31,7 @@ _UNPACK: dict[Callable[[bytes], bytes], Callable[[bytes], bytes]] = {
 }
 _DAMAGE = (
     AnyReaderError, Reader1Error, Reader2Error, AssertionError, ValueError, KeyError, apsw.Error,
-    OverflowError, MemoryError, RuntimeError, StructError, TypeError,
+    OverflowError, MemoryError, RuntimeError, StructError, TypeError, TypesysError,
 )  # fmt: skip
 
 
@@ -52,6 +53,7 @@ class RosBag:
 
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
         self._path = path
+        guard()
         try:
             bounded = [BoundedPath(one) if one.suffix == ".bag" else one for one in files]
             self._reader = AnyReader(bounded, default_typestore=_usual_types())

@@ -90,7 +90,8 @@ def points_of(path: Path, message: PointCloud2, *, drops_zeros: bool) -> Cloud:
     if missing := [axis for axis in "xyz" if axis not in names]:
         found = f"a cloud without {', '.join(missing)}, of {', '.join(names)[:80]}"
         raise InputError(path, found, "fields x y z", "choose another topic (--topic)")
-    axes = [table[axis].astype(np.float64) for axis in "xyz"]
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as bad as a quiet one
+        axes = [table[axis].astype(np.float64) for axis in "xyz"]
     valid = np.isfinite(axes).all(axis=0)
     if drops_zeros:
         valid &= (np.array(axes) != 0).any(axis=0)
@@ -163,7 +164,8 @@ def depth_of(path: Path, message: Image) -> NDArray[np.float64]:
     kind, per_metre = DEPTH_ENCODINGS[message.encoding]
     dtype = np.dtype((">" if message.is_bigendian else "<") + kind)
     rows = _rows(path, message, message.step, message.width * dtype.itemsize)
-    depth: NDArray[np.float64] = rows.view(dtype).astype(np.float64) / per_metre
+    with np.errstate(invalid="ignore"):
+        depth: NDArray[np.float64] = rows.view(dtype).astype(np.float64) / per_metre
     return depth
 
 
