@@ -32,7 +32,7 @@ from mcpseg_cli.raytrace.record import (
     record_text,
 )
 from mcpseg_cli.train.settings_file import read_settings
-from tests import containers
+from tests import containers, soak_tables
 from tests.recordings import write_recording, write_weights
 
 NUM_POINTS = 40  # of a cloud to damage: a header is a good part of its file
@@ -67,7 +67,8 @@ def sound_files(folder: Path) -> list[Sound]:
     np.savetxt(folder / "cloud.xyz", numbers[:, :3])
     clouds += [_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
     clouds += [*_poses(folder, poses), *_recordings(folder), *_meshes(folder)]
-    return [*clouds, *_others(folder, few)]
+    more = [_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))]
+    return [*clouds, *_others(folder, few), *more]
 
 
 def _few(cloud: Cloud) -> Cloud:

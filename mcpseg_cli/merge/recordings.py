@@ -68,6 +68,8 @@ def _row(path: Path, line: int, row: dict[str, str | None]) -> Recording:
     if None in row or None in row.values():
         raise InputError(source, "too many or too few values", "one a column", "mend the line")
     values = {name: (value or "").strip() for name, value in row.items()}
+    if any("\0" in value for value in values.values()):
+        raise InputError(source, "a byte of 0", "text", "mend the line")
     if not values["scans"]:
         raise InputError(source, "no scans", "a folder of scans", "name it")
     if "/" in values.get("name", "") or values.get("name", "").startswith("."):

@@ -280,6 +280,14 @@ REFUSED = {
     "other JSON": (['{"points": []}'], "no 4 x 4 matrix"),
     "cut JSON": (['{"frames": ['], "no complete JSON"),
     "cut log": (["0 0 1", "1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1", "1 1 2"], "6 lines"),
+    "vertex of half a number": (
+        ["VERTEX_SE3:QUAT 0.5 0 0 0 0 0 0 1"],
+        "a vertex numbered 0.5 in line 1",
+    ),
+    "vertex of a number too large": (
+        ["VERTEX_SE3:QUAT 1e30 0 0 0 0 0 0 1"],
+        "a vertex numbered 1e30 in line 1",
+    ),
     "flat graph": (["VERTEX_SE2 0 1 2 3"], "a pose graph without poses"),
 }
 

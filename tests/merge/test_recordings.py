@@ -139,6 +139,8 @@ def test_a_command_ends_with_the_process_that_started_it(table, unet_path, tmp_p
         ("scans,name\na,x\nb,x\n", "two recordings 'x'"),
         ("scans,name\na,../x\n", "name '../x'"),
         ("scans,settings\na,'\n", "settings"),
+        ("scans,poses\na,b\0c\n", "line 2: a byte of 0"),
+        ("scans\na\0\n", "line 2: a byte of 0"),
     ],
 )
 def test_a_table_that_is_none_is_refused(tmp_path, text, found):

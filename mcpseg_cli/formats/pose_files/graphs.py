@@ -14,6 +14,7 @@ from mcpseg_cli.formats.poses import Poses
 
 _VERTEX = "VERTEX_SE3:QUAT"
 _IMAGE_WORDS = 10
+_MOST_ID = 1 << 53  # whole numbers above are not all told apart
 
 
 def is_g2o(data: Sequence[tuple[int, str]]) -> bool:
@@ -31,6 +32,10 @@ def read_g2o(path: Path, data: Sequence[tuple[int, str]]) -> Poses:
     if not vertices:
         raise InputError(path, "a pose graph without poses", _VERTEX, "export it in 3D")
     rows = [_floats(path, number, words[1:], 8) for number, words in vertices]
+    for (number, words), row in zip(vertices, rows, strict=True):
+        if row[0] != np.floor(row[0]) or abs(row[0]) > _MOST_ID:
+            found = f"a vertex numbered {words[1][:40]} in line {number}"
+            raise InputError(path, found, "whole numbers", "export it again")
     values, lost = np.array(rows), Lost()
     lines = [number for number, _ in vertices]
     poses = from_quaternions(path, lines, values[:, 1:4], values[:, 4:8], lost)
