@@ -410,7 +410,7 @@ def _check_labelled(run: SegmentRun, source: Path) -> None:
 
     if len(run.segmenter.map) or not run.records:
         return
-    errors = [record.error for record in run.records if record.error is not None]
+    errors = run.records.errors
     if len(errors) == len(run.records):
         found = f"all {len(errors):,} scans were skipped, the first for: {errors[0]}"
         raise InputError(source, found, "scans that can be read", "mend them")

@@ -136,7 +136,7 @@ def num_pending(run: SegmentRun) -> int:
 
 def _skipped(run: SegmentRun) -> list[str]:
     """Name the scans that could not be read."""
-    return [record.name for record in run.records if record.error is not None]
+    return list(run.records.skipped.values())
 
 
 def _shortened(names: list[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream, recording_file
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.segment.scan_record import ScanRecord
+from mcpseg_cli.segment.scan_log import ScanLog
 
 SPAWN = "spawn"
 _ANSWER_S = 5.0  # a viewer that is there takes what it is told within this time
@@ -66,9 +65,7 @@ class LiveMap:
         finally:
             self._stream.disconnect()
 
-    def follow(
-        self, records: Sequence[ScanRecord], rows: MapRows, changed: NDArray[np.int32]
-    ) -> None:
+    def follow(self, records: ScanLog, rows: MapRows, changed: NDArray[np.int32]) -> None:
         """Tell of all scans since the last call, and of earlier voxels whose labels changed.
 
         Args:

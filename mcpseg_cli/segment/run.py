@@ -27,6 +27,7 @@ from mcpseg_cli.segment.map_changes import LabelChanges, MapChanges
 from mcpseg_cli.segment.outputs import OBJECTS, Outputs
 from mcpseg_cli.segment.past_labels import PastLabels
 from mcpseg_cli.segment.run_record import RunConfiguration, RunOptions, RunRecord
+from mcpseg_cli.segment.scan_log import ScanLog
 from mcpseg_cli.segment.scan_record import ScanRecord, check_consumed, skipped_scan
 from mcpseg_cli.segment.settled_file import read_settled
 
@@ -96,7 +97,7 @@ class SegmentRun:
         InputError: A consumed scan whose labelled copy is lost cannot be read any more.
     """
 
-    records: list[ScanRecord]
+    records: ScanLog
     pending: list[ScanSource]
     resumed_from: int
     outputs: Outputs
@@ -124,9 +125,10 @@ class SegmentRun:
     def _open(self, recording: Sequence[ScanSource], opened: ExitStack) -> None:
         """Put everything where the checkpoint is."""
         self._check_request()
-        self.records = self._state.scans()
-        self.pending = check_consumed(recording, self.records, self._state.path)
-        merged = [record for record in self.records if record.is_merged]
+        records = self._state.scans()
+        self.records = ScanLog(records)
+        self.pending = check_consumed(recording, records, self._state.path)
+        merged = [record for record in records if record.is_merged]
         self._merged = {record.file.sha256: record.name for record in merged}
         self.resumed_from = len(self.records)
         if self.options.offline and self.resumed_from and self.pending:
@@ -141,8 +143,8 @@ class SegmentRun:
         self.outputs = opened.enter_context(
             Outputs(self.output, self.segmenter.classes, self.options)
         )
-        self.outputs.reconcile(self.segmenter.rows(), [record.event for record in self.records])
-        self._write_lost_scans(recording)
+        self.outputs.reconcile(self.segmenter.rows(), [record.event for record in records])
+        self._write_lost_scans(recording, records)
         self.outputs.write_record(RunRecord.of(self.segmenter, self.options))
 
     def __enter__(self) -> SegmentRun:
@@ -200,16 +202,16 @@ class SegmentRun:
     def commit_all(self, scans: list[tuple[ScanRecord, MapRows]]) -> None:
         """Commit scans that were labelled together, see ``State.commit_all``."""
         self._state.commit_all(scans)
-        self.records += [record for record, _ in scans]
+        for record, _ in scans:
+            self.records.append(record)
 
     def write_objects(self) -> None:
         """Write objects.json from the map as it is now, unless that is ahead of the checkpoint.
 
         So it is after a failed commit. A file that shows this map already stays.
         """
-        num_used = sum(record.error is None for record in self.records)
-        num_voxels = self.records[-1].num_voxels if self.records else 0
-        if (self.segmenter.num_scans, len(self.segmenter.map)) != (num_used, num_voxels):
+        known = (self.records.num_used, self.records.num_voxels)
+        if (self.segmenter.num_scans, len(self.segmenter.map)) != known:
             return
         before = self._state.written(OBJECTS)
         if before is None or before != self.outputs.hash_of_objects():
@@ -278,7 +280,7 @@ class SegmentRun:
         if self.options.on_error != "skip":
             raise error
         num_voxels = len(self.segmenter.map)
-        floor = self.records[-1].floor if self.records else None
+        floor = self.records.floor
         record = skipped_scan(len(self.records), source, error, num_voxels, floor)
         self._state.commit(record, self.segmenter.rows(num_voxels), MapChanges.none())
         self.records.append(record)
@@ -296,21 +298,24 @@ class SegmentRun:
 
     def _restore(self) -> None:
         """Put the segmenter where the checkpoint is."""
-        used = [record for record in self.records if record.error is None]
-        floor, state = used[-1].floor if used else None, self._state
+        state, log = self._state, self.records
         evidence = None if self.options.offline else state.evidence()
         try:
-            self.segmenter.restore(state.map_rows(), state.history(), len(used), floor, evidence)
+            self.segmenter.restore(
+                state.map_rows(), state.history(), log.num_used, log.floor, evidence
+            )
         except (ValueError, IndexError) as error:
             raise StateError(
                 f"{state.path}: damaged ({error}); expected an mcpseg checkpoint; "
                 "start again with --overwrite"
             ) from error
 
-    def _write_lost_scans(self, recording: Sequence[ScanSource]) -> None:
+    def _write_lost_scans(
+        self, recording: Sequence[ScanSource], records: Sequence[ScanRecord]
+    ) -> None:
         """Write labelled scans that are missing or cut, with the labels they had."""
         past: PastLabels | None = None
-        own = [each for each in enumerate(self.records) if not each[1].is_merged]
+        own = [each for each in enumerate(records) if not each[1].is_merged]
         for (number, record), source in zip(own, recording, strict=False):
             if record.error is not None or self.outputs.has_labelled(record):
                 continue
