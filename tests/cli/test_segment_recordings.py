@@ -247,13 +247,19 @@ def rgbd_of_walk(folder: Path) -> tuple[Path, tuple[Path, Path]]:
     return folder / "room", containers.write_folder(folder / "input", seen)
 
 
-def test_depth_images_of_the_walk_get_the_labels_of_its_points_within_1_percent(tmp_path):
+def test_depth_images_of_the_walk_give_its_points_and_their_labels_within_1_percent(tmp_path):
+    # how many labels the millimetres of depth images change is each network's own: unet 1.3 %
     room, folder = rgbd_of_walk(tmp_path)
-    assert invoke("segment", room, "-o", tmp_path / "a").exit_code == 0
-    assert segment(folder, tmp_path / "b", "--frame", "sensor").exit_code == 0
+    words = ("-w", "unet-home")
+    assert invoke("segment", room, "-o", tmp_path / "a", *words).exit_code == 0
+    assert segment(folder, tmp_path / "b", "--frame", "sensor", *words).exit_code == 0
     ours, theirs = (
-        np.concatenate([read_cloud(path).label("semantic") for path in sorted(scans.iterdir())])
+        [read_cloud(path) for path in sorted(scans.iterdir())]
         for scans in (tmp_path / "a/scans", tmp_path / "b/scans")
     )
-    assert len(ours) > 4000
-    assert (ours == theirs).mean() > 0.99
+    xyz = [np.concatenate([cloud.xyz for cloud in clouds]) for clouds in (ours, theirs)]
+    np.testing.assert_allclose(*xyz, atol=0.003)
+    labels = [np.concatenate([cloud.label("semantic") for cloud in clouds])
+              for clouds in (ours, theirs)]  # fmt: skip
+    assert len(labels[0]) > 4000
+    assert (labels[0] == labels[1]).mean() > 0.99
