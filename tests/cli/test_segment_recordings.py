@@ -247,10 +247,15 @@ def rgbd_of_walk(folder: Path) -> tuple[Path, tuple[Path, Path]]:
     return folder / "room", containers.write_folder(folder / "input", seen)
 
 
-def test_depth_images_of_the_walk_give_its_points_and_their_labels_within_1_percent(tmp_path):
-    # how many labels the millimetres of depth images change is each network's own: unet 1.3 %
+MISSED = pytest.mark.xfail(
+    raises=AssertionError, reason="98.75 % since its weights were trained again", strict=False
+)
+
+
+@pytest.mark.parametrize("weights", [pytest.param("unet", marks=MISSED), "unet-home"])
+def test_depth_images_of_the_walk_give_the_labels_of_its_points_within_1_percent(weights, tmp_path):
     room, folder = rgbd_of_walk(tmp_path)
-    words = ("-w", "unet-home")
+    words = ("-w", weights)
     assert invoke("segment", room, "-o", tmp_path / "a", *words).exit_code == 0
     assert segment(folder, tmp_path / "b", "--frame", "sensor", *words).exit_code == 0
     ours, theirs = (
