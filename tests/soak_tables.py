@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,7 @@ from mcpseg_cli.train.folder import TrainFiles
 from mcpseg_cli.train.progress import TrainState
 from tests.commands import run_to_its_end
 from tests.recordings import write_weights
+from tests.train.test_folder import make_record
 
 Read = Callable[[Path], object]
 IDENTITY = {"seed": 1}
@@ -52,7 +52,7 @@ def tables(folder: Path, recording: tuple[Path, Path]) -> list[tuple[Path, Read]
         "models.csv": (
             "model,name,class,placed,stands_for,width,depth,height,part,creator,licence,rotation\n"
             "a.obj,Chair,chair,floor,task,0.5,0.5,0.9,train,Me,CC0,\n",
-            lambda path: read_models(path.parent),
+            _read_models,
         ),
     }  # fmt: skip
     found: list[tuple[Path, Read]] = []
@@ -60,6 +60,12 @@ def tables(folder: Path, recording: tuple[Path, Path]) -> list[tuple[Path, Read]
         (folder / name).write_text(text)
         found.append((folder / name, read))
     return [*found, *_of_a_run(folder, recording), *_of_training(folder), _annotation(folder)]
+
+
+def _read_models(path: Path) -> object:
+    """Read a table of models beside the mesh that it names."""
+    (path.parent / "a.obj").touch()
+    return read_models(path.parent)
 
 
 def _of_a_run(folder: Path, recording: tuple[Path, Path]) -> list[tuple[Path, Read]]:
@@ -78,7 +84,7 @@ def _of_training(folder: Path) -> list[tuple[Path, Read]]:
     best = {"layer.weight": torch.zeros(3, 2)}
     state = TrainState(2, (), 0, network, best, {"0.step": torch.ones(1)}, torch.zeros(4))
     write_checkpoint(folder / "train.checkpoint", state, IDENTITY)
-    (folder / "record.json").write_text(json.dumps({"complete": False, "name": "a", "curves": []}))
+    (folder / "record.json").write_text(make_record().model_dump_json())
     return [
         (folder / "train.checkpoint", lambda path: read_checkpoint(path, IDENTITY)),
         (folder / "record.json", lambda path: TrainFiles(path.parent, path.stem).read_record()),

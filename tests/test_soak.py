@@ -10,7 +10,7 @@ import pytest
 
 from tests import soak_damage, soak_kills
 from tests.forks import Ended
-from tests.soak_files import Sound
+from tests.soak_files import Sound, sound_files
 from tests.soak_report import MOST_MB, MOST_S, Report
 
 
@@ -43,6 +43,15 @@ def hold_memory(path):
 @pytest.fixture
 def report():
     return Report(41)
+
+
+def test_files_that_nobody_damaged_are_read(tmp_path):
+    (tmp_path / "read").mkdir()
+    for sound in sound_files(tmp_path / "sound"):
+        path = tmp_path / "read" / sound.name
+        path.write_bytes(sound.data)
+        sound.read(path)
+        path.unlink()
 
 
 def test_an_exception_of_another_kind_is_found_and_its_seed_told(tmp_path, report):

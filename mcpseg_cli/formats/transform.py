@@ -37,8 +37,9 @@ def read_transform(path: Path) -> NDArray[np.float64]:
     # a rotation and a way, nothing else
     matrix = matrix.reshape(4, 4)
     rotation = matrix[:3, :3]
-    is_rigid = np.abs(rotation.T @ rotation - np.eye(3)).max() < _TOLERANCE
-    is_rigid &= bool(np.linalg.det(rotation) > 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers too large are no rotation
+        is_rigid = np.abs(rotation.T @ rotation - np.eye(3)).max() < _TOLERANCE
+        is_rigid &= bool(np.linalg.det(rotation) > 0)
     if not is_rigid or not np.array_equal(matrix[3], (0, 0, 0, 1)):
         found = "a matrix that scales, mirrors or is no motion"
         raise InputError(path, found, "a rotation and metres, last row 0 0 0 1", remedy)

@@ -219,8 +219,14 @@ def test_maps_of_other_weights_and_of_the_papers_methods_are_refused(runs, weigh
 
 @pytest.mark.parametrize(
     ("text", "found"),
-    [("1 2 3", "3 numbers"), ("a b", "no numbers"), ("2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1", "scales")],
+    [
+        ("1 2 3", "3 numbers"),
+        ("a b", "no numbers"),
+        ("2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1", "scales"),
+        ("1e200 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "scales"),
+    ],
 )
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_transform_that_is_none_is_refused(runs, tmp_path, text, found):
     (tmp_path / "T.txt").write_text(text)
     words = (runs / "one", "-o", tmp_path / "b", "--transform")
