@@ -109,7 +109,7 @@ def segment_recordings(
         jobs: Processes at a time on this machine.
         overwrite: Start again.
         as_json: Print one JSON document.
-        quiet: Say nothing else.
+        quiet: Say nothing.
     """
     from mcpseg_cli.cli.options import number_of_jobs
     from mcpseg_cli.merge.recordings import read_recordings
@@ -143,7 +143,8 @@ def segment_recordings(
         merge.append("--overwrite")
     words = (*merge, "--json", "--quiet")
     (merged,) = run_all([words], "merge", engine, scheduler, jobs=1, quiet=quiet or as_json)
-    _print(json.loads(merged.stdout), as_json=as_json)
+    if as_json or not quiet:
+        _print(json.loads(merged.stdout), as_json=as_json)
 
 
 def _is_only_merged(output: Path) -> bool:

@@ -69,6 +69,9 @@ def test_processes_make_what_one_after_another_makes(table, by_hand, unet_path, 
     assert differences(by_hand, tmp_path / "b") == []
     assert _is_only_merged(tmp_path / "b")
 
+    # the same again, for those who want to hear nothing
+    assert invoke(*words, "-q").output == ""
+
 
 def test_a_dask_cluster_of_which_a_worker_is_killed_makes_the_same(
     table, by_hand, unet_path, tmp_path
