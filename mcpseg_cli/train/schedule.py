@@ -44,8 +44,8 @@ def balance(
     Args:
         batches: To count in: the first of epoch 0.
         num_classes: C.
-        max_batches: How many at most,
-        enough: or how many points: the frequencies are known well by then.
+        max_batches: How many at most.
+        enough: Points after which the frequencies are known well, and no more are counted.
 
     Returns:
         (C,) float32; classes that do not occur weigh 1.

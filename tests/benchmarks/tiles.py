@@ -34,6 +34,7 @@ from mcpseg_cli.segment.labelled_run import MapPart
 from mcpseg_cli.segment.run_record import RunRecord
 from mcpseg_cli.segment.scan_record import Fingerprint, ScanRecord
 from tests.benchmarks.merging import HEIGHT, ROOM, configure, room_voxels
+from tests.benchmarks.page import turn
 from tests.pages import CHROMIUM, SOFTWARE_GL
 from tests.tiled import MadeUpRun, Scan
 
@@ -186,20 +187,6 @@ def browse(site: Path) -> dict[str, object]:
         browser.close()
         server.shutdown()
     return figures
-
-
-def turn(page, pixels: int) -> float:
-    """Drag the view a little; return the milliseconds until two more frames were drawn."""
-    page.mouse.move(700, 400)
-    page.mouse.down()
-    started = perf_counter()
-    page.mouse.move(700 + pixels, 400)
-    page.evaluate(
-        "async () => { for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame); }"
-    )
-    elapsed = 1e3 * (perf_counter() - started)
-    page.mouse.up()
-    return elapsed
 
 
 def main() -> None:
