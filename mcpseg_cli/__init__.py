@@ -7,7 +7,7 @@ command. A room is a folder, or a file of the ground. The ground imports only th
     errors        expected failures, each one line
     config        settings with their defaults; the numbers of the paper
     classes       class tables: which index means which class
-    grid          the one rounding rule: which voxel a coordinate falls into
+    grid          the one rounding rule: which voxel a coordinate falls into; columns of voxels
     scan          the records of a scan and of its labels
     building      the record of a labelled building
     reliability   whether confidence is the share that is right

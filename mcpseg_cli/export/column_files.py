@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import naming
+from mcpseg_cli.grid import by_column
 
 Column = tuple[int, ...]
 
@@ -43,12 +44,8 @@ class ColumnFiles:
 
     def add(self, columns: NDArray[np.integer], rows: NDArray[np.void]) -> None:
         """Add (N,) rows to their columns, (N, C)."""
-        if len(rows) == 0:
-            return
-        order = np.lexsort(columns.T[::-1])
-        changes = np.flatnonzero((np.diff(columns[order], axis=0) != 0).any(axis=1)) + 1
-        for which in np.split(order, changes):
-            self.append(tuple(columns[which[0]].tolist()), rows[which])
+        for column, which in by_column(columns):
+            self.append(column, rows[which])
 
     def take(self, column: Column) -> NDArray[np.void]:
         """Read a column and delete its file; nothing for one that has no row."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.export.column_files import Column, ColumnFiles
 from mcpseg_cli.export.octree import CELL_BITS, CELLS
-from mcpseg_cli.grid import voxel_of
+from mcpseg_cli.grid import rims_of, voxel_of
 from mcpseg_cli.segment.labelled_run import MapPart
 
 SEEN = np.dtype(
@@ -65,9 +65,11 @@ class SpooledMap:
         for name in SEEN.names or ():
             rows[name] = getattr(part, name)
         voxel = voxel_of(part.xyz, self._voxel_size)
-        column = voxel[:, :2] >> CELL_BITS
-        self._seen.add(column, rows)
-        self._add_to_rims(voxel[:, :2] - column * CELLS, column, part.xyz)
+        self._seen.add(voxel[:, :2] >> CELL_BITS, rows)
+        for touching, columns in rims_of(voxel[:, :2], CELLS):
+            rim = np.empty(len(touching), _RIM)
+            rim["xyz"] = part.xyz[touching]
+            self._rims.add(columns, rim)
         self._count(part, voxel)
 
     def take(self, column: Column) -> tuple[NDArray[np.void], NDArray[np.float32]]:
@@ -78,17 +80,6 @@ class SpooledMap:
         """
         rim: NDArray[np.float32] = self._rims.take(column)["xyz"]
         return self._seen.take(column), rim
-
-    def _add_to_rims(
-        self, place: NDArray[np.int32], column: NDArray[np.int32], xyz: NDArray[np.float32]
-    ) -> None:
-        """Note that a voxel at a border is next to up to three other columns."""
-        step = (place == CELLS - 1).astype(np.int32) - (place == 0)
-        for which in ((1, 0), (0, 1), (1, 1)):
-            away = np.flatnonzero(np.all((step != 0) >= np.array(which, bool), axis=1))
-            rim = np.empty(len(away), _RIM)
-            rim["xyz"] = xyz[away]
-            self._rims.add(column[away] + step[away] * np.array(which, np.int32), rim)
 
     def _count(self, part: MapPart, voxel: NDArray[np.int32]) -> None:
         self.low = np.minimum(self.low, voxel.min(axis=0))

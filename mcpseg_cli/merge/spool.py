@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import naming
+from mcpseg_cli.grid import by_column, rims_of
 from mcpseg_cli.incremental.uniting import WIDTH, PartVoxels, column_of
 
 Column = tuple[int, int]
@@ -35,19 +36,12 @@ class Spool:
         Raises:
             OSError: The disk is full.
         """
-        own = column_of(rows.voxel)
-        for column, ids in _grouped(own).items():
-            self._columns.add(column)
+        for column, ids in by_column(column_of(rows.voxel)):
+            self._columns.add((column[0], column[1]))
             self._append(column, rows.select(ids))
-
-        # a voxel at a border is of the rims of up to three others
-        place = rows.voxel[:, :2] - own * np.int32(WIDTH)
-        step = (place == WIDTH - 1).astype(np.int32) - (place == 0)
-        for which in ((1, 0), (0, 1), (1, 1)):
-            away = np.flatnonzero(np.all((step != 0) >= np.array(which, bool), axis=1))
-            target = own[away] + step[away] * np.array(which, np.int32)
-            for column, ids in _grouped(target).items():
-                self._append(column, rows.select(away[ids]))
+        for touching, others in rims_of(rows.voxel[:, :2], WIDTH):
+            for column, ids in by_column(others):
+                self._append(column, rows.select(touching[ids]))
 
     def read(self, column: Column) -> PartVoxels:
         """Read the voxels of a column and of its rim."""
@@ -68,25 +62,11 @@ class Spool:
         """Delete a column."""
         self._path(column).unlink()
 
-    def _append(self, column: Column, rows: PartVoxels) -> None:
+    def _append(self, column: tuple[int, ...], rows: PartVoxels) -> None:
         path = self._path(column)
         with naming(path), path.open("ab") as file:
             for values in vars(rows).values():
                 np.save(file, values, allow_pickle=False)
 
-    def _path(self, column: Column) -> Path:
+    def _path(self, column: tuple[int, ...]) -> Path:
         return self._folder / f"{column[0]}_{column[1]}.rows"
-
-
-def _grouped(columns: NDArray[np.int32]) -> dict[Column, NDArray[np.int64]]:
-    """List the rows of each column."""
-    if len(columns) == 0:
-        return {}
-    order = np.lexsort((columns[:, 1], columns[:, 0]))
-    changes = np.flatnonzero(np.any(np.diff(columns[order], axis=0) != 0, axis=1)) + 1
-    groups = np.split(order, changes)
-    found: dict[Column, NDArray[np.int64]] = {}
-    for ids in groups:
-        x, y = columns[ids[0]].tolist()
-        found[x, y] = ids
-    return found
