@@ -14,8 +14,9 @@ import torch
 
 from mcpseg_cli.config import WINDOW_SAMPLES, SampleSettings
 from mcpseg_cli.errors import InputError, McpsegError
+from mcpseg_cli.networks.description import find_weights
 from mcpseg_cli.networks.device import find_device
-from mcpseg_cli.networks.weights import find_weights, load_weights, save_weights
+from mcpseg_cli.networks.weights import load_weights, save_weights
 from mcpseg_cli.train.calibration import Calibration, calibrate
 from mcpseg_cli.train.fold_data import DataSettings, prepare
 from mcpseg_cli.train.folds import find_areas, make_folds
@@ -30,7 +31,7 @@ def calibrate_file(arguments: argparse.Namespace, device: torch.device) -> Calib
         McpsegError: They see no windows, the data is damaged, or no voxel of it has a class.
     """
     weights = load_weights(find_weights(arguments.weights))
-    if not weights.network.sees_windows:
+    if not weights.network.traits.sees_windows:
         expected = "a network that sees windows"
         raise InputError(arguments.weights, weights.info.architecture, expected, "leave it")
     file = read_settings(arguments.config) if arguments.config else SettingsFile()
@@ -41,7 +42,7 @@ def calibrate_file(arguments: argparse.Namespace, device: torch.device) -> Calib
     # windows of what is held out, as validation draws them
     (fold,) = make_folds(find_areas(arguments.data), str(arguments.holdout), arguments.data)
     prepared = prepare(fold.validation, data, lambda *_: None)
-    size = file.train.batch_size or weights.network.batch_size
+    size = file.train.batch_size or weights.network.traits.batch_size
     held_out = WindowSource(
         list(prepared.values()), weights.info.classes, data.mapping,
         windows_per_batch=size, settings=data.windows, augmentation=None, seed=file.train.seed,

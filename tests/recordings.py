@@ -8,8 +8,9 @@ import torch
 from mcpseg_cli.choices import Architecture
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.formats import Cloud, write_cloud
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.unet import UNet
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, save_weights
+from mcpseg_cli.networks.weights import build_network, save_weights
 
 STEP = 0.4  # metres the robot moves along x between two scans
 

@@ -21,7 +21,7 @@ def test_network_outputs_equal_the_authors(shared_folder, name):
     network, _ = import_checkpoint(
         shared_folder / f"reference/checkpoints/{_CHECKPOINTS[name]}.ckpt"
     )
-    context = torch.from_numpy(answers["context"]) if network.needs_context else None
+    context = torch.from_numpy(answers["context"]) if network.traits.needs_context else None
     with torch.inference_mode():
         embedding, logits = network(torch.from_numpy(answers["center"]), context)
     np.testing.assert_allclose(embedding.numpy(), answers[f"{name}_embedding"], rtol=0, atol=1e-4)

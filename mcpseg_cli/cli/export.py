@@ -260,7 +260,8 @@ def _fill_folder(run: LabelledRun, output: Path, request: _Request, progress: _P
 def _export_weights(name: str, output: Path) -> str:
     """Write weights as ONNX; say how close they are."""
     from mcpseg_cli.export.onnx import write_onnx
-    from mcpseg_cli.networks.weights import find_weights, load_weights
+    from mcpseg_cli.networks.description import find_weights
+    from mcpseg_cli.networks.weights import load_weights
 
     weights = load_weights(find_weights(name))
     return f"{weights.info.architecture}, differs from PyTorch by {write_onnx(weights, output):.1g}"

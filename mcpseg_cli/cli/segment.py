@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from mcpseg_cli.formats.recording import Recording
     from mcpseg_cli.incremental.column import Memory
     from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-    from mcpseg_cli.networks.weights import Weights
+    from mcpseg_cli.networks.description import DescribedWeights
     from mcpseg_cli.segment.run import ScanReport, SegmentRun
 
 _OF_RECORDINGS = (
@@ -323,6 +323,8 @@ def segment(
     segmenter = IncrementalSegmenter(
         chosen, settings, precision=precision, device=device, memory=memory
     )
+    if kept is None or not (kept / "state.sqlite").exists():
+        segmenter.get_ready()  # before anything is written
     options = RunOptions(
         taken.intake.frame, format, on_error, offline, sys.argv, (opened.kind, *opened.notes),
         topic, opened.pairing_as_json(), taken.intake, durable,
@@ -335,6 +337,8 @@ def segment(
             SegmentRun(opened, folder, segmenter, options, overwrite=overwrite)
         )
         interrupt = entered.enter_context(Interrupt())
+        if run.pending or arriving:
+            segmenter.get_ready()
 
         _tell_what_is_ahead(run, arriving, quiet=quiet)
         label = run.run if not offline else partial(label_offline, run)
@@ -393,11 +397,11 @@ def _memory(output: Path, keep_near: float | None, *, offline: bool) -> Memory:
     return PagedMemory(output, keep_near)
 
 
-def _sees_rooms(method: Weights | RegionGrowingSettings) -> bool:
+def _sees_rooms(method: DescribedWeights | RegionGrowingSettings) -> bool:
     """Tell whether a method is one that learned to see at more than one range."""
-    from mcpseg_cli.networks.weights import Weights
+    from mcpseg_cli.networks.description import DescribedWeights
 
-    return isinstance(method, Weights) and method.network.sees_windows
+    return isinstance(method, DescribedWeights) and method.info.traits.sees_windows
 
 
 def _check_labelled(run: SegmentRun, source: Path) -> None:
@@ -471,7 +475,7 @@ def _label_pending(
 
     tally = Tally()
     if live:
-        live.follow(run.records, run.segmenter.rows(), np.empty(0, np.int32))
+        live.follow(run.scans_from(0), run.segmenter.rows(), np.empty(0, np.int32))
 
     try:
         with progress_bar("segment", quiet=not show_progress) as bar:
@@ -480,7 +484,8 @@ def _label_pending(
             for report in label(lambda: interrupt.asked):
                 tally.add(report)
                 if live and report.update:
-                    live.follow(run.records, run.segmenter.rows(), report.update.changed)
+                    told, rows = run.scans_from(live.num_scans), run.segmenter.rows()
+                    live.follow(told, rows, report.update.changed)
                 if report.error:
                     notice(f"mcpseg: skipped: {report.error}", quiet=quiet, console=bar.console)
 

@@ -246,7 +246,7 @@ def train(
             **_given(file.samples),
         },
     )
-    size = settings.batch_size or NETWORKS[settings.architecture].batch_size
+    size = settings.batch_size or NETWORKS[settings.architecture].traits.batch_size
     settings = settings.model_copy(update={"batch_size": size})
 
     options = TaskOptions(
@@ -295,7 +295,8 @@ def _given(settings: BaseModel) -> dict[str, object]:
 
 def _initial(name: str | None) -> Weights | None:
     """Load the weights to start from."""
-    from mcpseg_cli.networks.weights import find_weights, load_weights
+    from mcpseg_cli.networks.description import find_weights
+    from mcpseg_cli.networks.weights import load_weights
 
     return None if name is None else load_weights(find_weights(name))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.rerun import LabelledPoints, RerunLog, open_stream, recording_file
 from mcpseg_cli.incremental.map_rows import MapRows
-from mcpseg_cli.segment.scan_log import ScanLog
+from mcpseg_cli.segment.scan_record import ScanRecord
 
 SPAWN = "spawn"
 _ANSWER_S = 5.0  # a viewer that is there takes what it is told within this time
@@ -65,21 +66,28 @@ class LiveMap:
         finally:
             self._stream.disconnect()
 
-    def follow(self, records: ScanLog, rows: MapRows, changed: NDArray[np.int32]) -> None:
-        """Tell of all scans since the last call, and of earlier voxels whose labels changed.
+    @property
+    def num_scans(self) -> int:
+        """How many scans were told of."""
+        return len(self._ends)
+
+    def follow(
+        self, scans: Iterable[ScanRecord], rows: MapRows, changed: NDArray[np.int32]
+    ) -> None:
+        """Tell of scans, and of earlier voxels whose labels changed.
 
         Args:
-            records: All scans so far.
+            scans: All since the last call.
             rows: The whole map as known now.
             changed: (Q,) int32 ids of earlier voxels whose labels changed, ascending.
         """
         # new scans with the voxels that they saw first
         known = len(self._ends)
-        for number in range(known, len(records)):
+        for number, scan in enumerate(scans, start=known):
             start = self._ends[-1] if self._ends else 0
-            self._ends.append(records[number].num_voxels)
+            self._ends.append(scan.num_voxels)
             points = _points(rows, slice(start, self._ends[-1]))
-            self._log.add_scan(number, records[number].pose, points)
+            self._log.add_scan(number, scan.pose, points)
 
         # earlier scans of which a voxel changed
         ends = np.array(self._ends)

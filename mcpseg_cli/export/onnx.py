@@ -121,7 +121,7 @@ def _trace(network: Network, num_context: int) -> onnx.ModelProto:
             dynamic_shapes=shapes,
             opset_version=_OPSET,
             input_names=["centre", "context"][: len(example)],
-            output_names=["embedding", "logits"] if network.has_embedding else ["logits"],
+            output_names=["embedding", "logits"] if network.traits.has_embedding else ["logits"],
             verbose=False,
         )
     if program is None:
@@ -149,7 +149,7 @@ def _example(network: Network, num_points: int, num_context: int) -> tuple[Tenso
     centre = torch.from_numpy(rng.normal(0, 0.5, (num_points, NUM_FEATURES)).astype(np.float32))
     shape = (num_points, num_context, NUM_FEATURES)
     context = torch.from_numpy(rng.normal(0, 0.2, shape).astype(np.float32))
-    return (centre, context) if network.needs_context else (centre,)
+    return (centre, context) if network.traits.needs_context else (centre,)
 
 
 def _metadata(weights: Weights) -> dict[str, str]:
@@ -161,14 +161,14 @@ def _metadata(weights: Weights) -> dict[str, str]:
         "weights_sha256": weights.sha256,
         "architecture": info.architecture,
         "classes": json.dumps(list(info.classes)),
-        "batch_size": network.batch_size,
-        "similarity": network.similarity,
+        "batch_size": network.traits.batch_size,
+        "similarity": network.traits.similarity,
         "pooling_scope": _SCOPE,
         "centre": "x and y from the robot, z from the floor (metres), red green blue / 255 - 0.5",
     }
 
     # what the context is, for a network that has one
-    if network.needs_context:
+    if network.traits.needs_context:
         known |= {
             "context": "context points minus their centre point, "
             "position (metres) and colour / 255",

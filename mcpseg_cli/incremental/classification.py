@@ -10,15 +10,15 @@ import torch
 from numpy.typing import NDArray
 
 from mcpseg_cli.choices import Precision
-from mcpseg_cli.config import EMBEDDING, SIMILARITY, SegmentSettings
+from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.incremental.clustering import embed_classes, quantise
 from mcpseg_cli.incremental.context import context_input, network_input
 from mcpseg_cli.incremental.evidence import Look
 from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_rows import VoxelLabels
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.device import find_device, one_thread_per_operation, resolve_precision
-from mcpseg_cli.networks.network import Network
+from mcpseg_cli.networks.description import resolve_precision
+from mcpseg_cli.networks.device import find_device, one_thread_per_operation
 from mcpseg_cli.networks.weights import Weights
 
 _CHUNK_BATCHES = 64  # batches whose pooled context is kept at a time, which bounds memory
@@ -31,13 +31,10 @@ class NetworkClassifier:
 
     Args:
         weights: Network and class table.
-        settings: Batch size and similarity, where not given, are the network's own. A network
-            without embedding joins neighbours of one class (IV-B), whatever the similarity.
+        settings: Batch size, where not given, is the network's own.
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
             ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
-
-    Attributes: See ``SegmentationMethod``.
 
     Raises:
         McpsegError: The device does not exist here.
@@ -51,12 +48,9 @@ class NetworkClassifier:
         precision: Precision = "auto",
         device: str = "cpu",
     ) -> None:
-        # what every method says of itself
-        self.name: str = weights.info.architecture
         self.weights = weights
-        self.settings = complete(settings, weights.network)
+        self.settings = weights.network.traits.complete(settings)
         self.classes = weights.info.classes
-        self.similarity = self.settings.similarity if weights.network.has_embedding else SIMILARITY
         self.precision = resolve_precision(precision, device)
 
         # a network of its own, and who runs it
@@ -66,10 +60,6 @@ class NetworkClassifier:
         self._workers = ThreadPoolExecutor(
             torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,)
         )
-
-    def configuration(self) -> dict[str, object]:
-        """Record the hash of the weights, which says all; see ``SegmentationMethod``."""
-        return {"weights": self.weights.sha256}
 
     def classify(
         self,
@@ -133,16 +123,6 @@ class NetworkClassifier:
                     embedding[rows] = unit.cpu().numpy()
         return probability, embedding
 
-    def partners(
-        self,
-        voxel_map: VoxelMap,
-        new: NDArray[np.int32],
-        embedding: NDArray[np.int16],
-        known: NDArray[np.int16],
-    ) -> NDArray[np.int32]:
-        """Give all neighbours: how similar they are decides; see ``SegmentationMethod``."""
-        return voxel_map.neighbours(new)
-
     @torch.inference_mode()
     def _run_batches(
         self,
@@ -156,7 +136,8 @@ class NetworkClassifier:
         # normalise, retrieve context
         xyz, rgb, size = voxel_map.xyz[ids], voxel_map.rgb[ids], self.settings.batch_size
         centre = torch.from_numpy(network_input(xyz, rgb, position, floor)).to(self._device)
-        pooled = self._pool_context(voxel_map, ids, rng) if self._network.needs_context else None
+        needs_context = self._network.traits.needs_context
+        pooled = self._pool_context(voxel_map, ids, rng) if needs_context else None
 
         # the last batch is sampled with replacement; a single one would be filled from itself,
         # which changes no maximum
@@ -211,11 +192,3 @@ class NetworkClassifier:
         sample = voxel_map.sample_context(ids, self.weights.info.context_window, uniform)
         context = context_input(ids, sample, voxel_map.xyz, voxel_map.rgb)
         return self._network.pool_context(torch.from_numpy(context).to(self._device))
-
-
-def complete(settings: SegmentSettings, network: Network) -> SegmentSettings:
-    """Fill in what was not given by what the network was made for."""
-    own = {"batch_size": network.batch_size, "similarity": network.similarity}
-    return settings.model_copy(
-        update={name: own[name] for name in own.keys() - settings.model_fields_set}
-    )

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.incremental.column import IN_MEMORY, Column, Memory
-from mcpseg_cli.networks.sparse import NUM_FORWARD
+from mcpseg_cli.networks.stencil import NUM_FORWARD
 
 UNIT = 255
 """Evidence of one look of full weight."""

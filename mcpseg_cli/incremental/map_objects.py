@@ -14,9 +14,9 @@ from mcpseg_cli.incremental.edges import Edges, EmbeddingEdges, EvidenceEdges
 from mcpseg_cli.incremental.growing_map import Observation
 from mcpseg_cli.incremental.map_labels import FirstLooks
 from mcpseg_cli.incremental.methods import AnyMethod
+from mcpseg_cli.incremental.network_method import NetworkMethod
 from mcpseg_cli.incremental.object_graph import ObjectGraph
 from mcpseg_cli.incremental.regrouping import History, Regrouping
-from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 
@@ -130,7 +130,7 @@ def make_objects(method: AnyMethod, labels: FirstLooks, memory: Memory = IN_MEMO
     # what tells edges, and how far around the robot objects are put together anew
     edges: Edges = EmbeddingEdges(method.similarity)
     reach: float | None = settings.local_range
-    if isinstance(method, RoomNetwork) and labels.evidence is not None:
+    if isinstance(method, NetworkMethod) and method.sees_windows and labels.evidence is not None:
         edges, reach = EvidenceEdges(labels.evidence), None
     return ObjectGraph(
         labels,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +10,20 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Method, Precision
 from mcpseg_cli.config import RegionGrowingSettings, SegmentSettings
 from mcpseg_cli.errors import McpsegError, WeightsError
-from mcpseg_cli.incremental.classification import NetworkClassifier
 from mcpseg_cli.incremental.column import IN_MEMORY, Memory
 from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
+from mcpseg_cli.incremental.network_method import NetworkMethod
 from mcpseg_cli.incremental.region_growing import RegionGrower
-from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.device import find_device
-from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
+from mcpseg_cli.networks.description import (
+    DEFAULT_WEIGHTS,
+    DescribedWeights,
+    describe_weights,
+    find_weights,
+)
+
+if TYPE_CHECKING:
+    from mcpseg_cli.networks.weights import Weights
 
 
 class SegmentationMethod(Protocol):
@@ -38,7 +44,7 @@ class SegmentationMethod(Protocol):
     precision: Precision
 
     @property
-    def weights(self) -> Weights | None:
+    def weights(self) -> Weights | DescribedWeights | None:
         """The weights it labels with; None for a method that learns nothing."""
 
     def configuration(self) -> dict[str, object]:
@@ -64,11 +70,13 @@ class SegmentationMethod(Protocol):
         """
 
 
-AnyMethod = NetworkClassifier | RegionGrower | RoomNetwork
+AnyMethod = NetworkMethod | RegionGrower
 
 
-def open_method(method: Method | None, weights: str | None) -> Weights | RegionGrowingSettings:
-    """Load what labels.
+def open_method(
+    method: Method | None, weights: str | None
+) -> DescribedWeights | RegionGrowingSettings:
+    """Find what labels, and read what weights say of themselves.
 
     Args:
         method: None: whatever network the weights are of.
@@ -86,22 +94,22 @@ def open_method(method: Method | None, weights: str | None) -> Weights | RegionG
 
     # whatever network the weights are of
     if method is None:
-        return load_weights(find_weights(weights or DEFAULT_WEIGHTS))
+        return describe_weights(find_weights(weights or DEFAULT_WEIGHTS))
 
     # this network, and no other
     try:
-        loaded = load_weights(find_weights(weights or method))
+        described = describe_weights(find_weights(weights or method))
     except WeightsError as error:
         if weights is not None:
             raise
         source, expected = f"--method {method}", "weights of this network with -w"
         remedy = f"train them with 'mcpseg train --net {method}'"
         raise WeightsError(source, "no bundled weights", expected, remedy) from error
-    if loaded.info.architecture != method:
-        found = f"weights of {loaded.info.architecture}"
+    if described.info.architecture != method:
+        found = f"weights of {described.info.architecture}"
         remedy = "give other weights, or leave --method out"
-        raise WeightsError(loaded.name, found, f"weights of {method}", remedy)
-    return loaded
+        raise WeightsError(described.name, found, f"weights of {method}", remedy)
+    return described
 
 
 def make_labels(method: AnyMethod, memory: Memory = IN_MEMORY) -> FirstLooks:
@@ -111,12 +119,12 @@ def make_labels(method: AnyMethod, memory: Memory = IN_MEMORY) -> FirstLooks:
         McpsegError: The method tells no classes, which looks could agree on.
     """
     labelling = method.settings.labelling
-    if isinstance(method, RoomNetwork):
+    if isinstance(method, NetworkMethod) and method.sees_windows:
         only_first = labelling == "first"
         return AllLooks(method, len(method.classes), only_first=only_first, memory=memory)
     if labelling != "fused":
         return FirstLooks(method, len(method.classes), memory=memory)
-    if not isinstance(method, NetworkClassifier):
+    if not isinstance(method, NetworkMethod):
         raise McpsegError(
             f"--labelling fused: {method.name} tells no classes; expected a network; leave it out"
         )
@@ -124,17 +132,19 @@ def make_labels(method: AnyMethod, memory: Memory = IN_MEMORY) -> FirstLooks:
 
 
 def make_method(
-    method: Weights | RegionGrowingSettings,
+    method: Weights | DescribedWeights | RegionGrowingSettings,
     settings: SegmentSettings,
     precision: Precision,
     device: str,
 ) -> AnyMethod:
-    """Make ready what labels: a network, or region growing; say which looks count for it.
+    """Make what labels: a network, or region growing; say which looks count for it.
 
     Raises:
         McpsegError: The device does not exist here.
     """
-    sees_windows = isinstance(method, Weights) and method.network.sees_windows
+    sees_windows = False
+    if not isinstance(method, RegionGrowingSettings):
+        sees_windows = method.info.traits.sees_windows
     own = {
         "labelling": settings.labelling or ("fused" if sees_windows else "first"),
         "clustering": settings.clustering or ("graph" if sees_windows else "paper"),
@@ -142,8 +152,9 @@ def make_method(
     settings = settings.model_copy(update=own)
 
     if isinstance(method, RegionGrowingSettings):
-        find_device(device)  # nothing runs there, but a name that is wrong is told
+        if device != "cpu":  # nothing runs there, but a name that is wrong is told
+            from mcpseg_cli.networks.device import find_device
+
+            find_device(device)
         return RegionGrower(method, settings)
-    if sees_windows:
-        return RoomNetwork(method, settings, precision=precision, device=device)
-    return NetworkClassifier(method, settings, precision=precision, device=device)
+    return NetworkMethod(method, settings, precision=precision, device=device)

@@ -17,7 +17,7 @@ from mcpseg_cli.incremental.map_labels import AllLooks
 from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.methods import AnyMethod, make_labels
-from mcpseg_cli.incremental.room_network import RoomNetwork
+from mcpseg_cli.incremental.network_method import NetworkMethod
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 
@@ -38,7 +38,7 @@ def label_cloud(
         The map's rows, labels final, and the height of the floor under the last block, metres, map
         frame.
     """
-    if isinstance(method, RoomNetwork):
+    if isinstance(method, NetworkMethod) and method.sees_windows:
         return _label_in_one_look(voxel_map, positions, method)
     num_voxels, settings = len(voxel_map), method.settings
     semantic, confidence = np.empty(num_voxels, np.uint8), np.empty(num_voxels, np.float32)
@@ -64,7 +64,7 @@ def label_cloud(
 
 
 def _label_in_one_look(
-    voxel_map: VoxelMap, positions: NDArray[np.float64], method: RoomNetwork
+    voxel_map: VoxelMap, positions: NDArray[np.float64], method: NetworkMethod
 ) -> tuple[MapRows, float]:
     """Label all voxels as one room; see ``label_cloud``."""
     everything = np.arange(len(voxel_map), dtype=np.int32)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from mcpseg_cli.choices import Precision
 from mcpseg_cli.config import EMBEDDING, SegmentSettings
 from mcpseg_cli.grid import voxel_of
-from mcpseg_cli.incremental.classification import complete
 from mcpseg_cli.incremental.clustering import quantise
 from mcpseg_cli.incremental.evidence import Look, compute_affinities
 from mcpseg_cli.incremental.growing_map import ROOM_HEIGHT, Observation
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.incremental.window import window_input
-from mcpseg_cli.networks.device import find_device, resolve_precision
+from mcpseg_cli.networks.description import resolve_precision
+from mcpseg_cli.networks.device import find_device
 from mcpseg_cli.networks.sparse import make_levels
 from mcpseg_cli.networks.unet import NUM_LEVELS, UNet
 from mcpseg_cli.networks.unet_inference import FastUNet
@@ -31,12 +31,10 @@ class RoomNetwork:
 
     Args:
         weights: Network and class table.
-        settings: Similarity, where not given, is the network's own.
+        settings: How far it sees.
         precision: Arithmetic of the dense layers; ``auto`` is bf16 where the processor computes it
             natively.
         device: Where the network runs, as torch names it.
-
-    Attributes: See ``SegmentationMethod``.
 
     Raises:
         McpsegError: The device does not exist here.
@@ -52,20 +50,11 @@ class RoomNetwork:
     ) -> None:
         network = weights.network
         assert isinstance(network, UNet)
-        self.name: str = weights.info.architecture
         self.weights = weights
-        self.classes = weights.info.classes
+        self.settings = settings
         self.precision = resolve_precision(precision, device)
-
-        self.settings = complete(settings, network)
-        self.similarity = self.settings.similarity
-
         self._device = find_device(device)
         self._network = FastUNet(network, self.precision, self._device)
-
-    def configuration(self) -> dict[str, object]:
-        """Record the hash of the weights, which says all; see ``SegmentationMethod``."""
-        return {"weights": self.weights.sha256}
 
     def looks_at(
         self, voxels: VoxelMap, observed: Observation, position: NDArray[np.float64]
@@ -128,16 +117,6 @@ class RoomNetwork:
         embedding[:, : unit.shape[1]] = quantise(unit)
         weight = self._weigh(xyz, position)
         return Look(ids, probability.contiguous().cpu().numpy(), weight, affinity), embedding
-
-    def partners(
-        self,
-        voxel_map: VoxelMap,
-        new: NDArray[np.int32],
-        embedding: NDArray[np.int16],
-        known: NDArray[np.int16],
-    ) -> NDArray[np.int32]:
-        """Give all neighbours: how similar they are decides; see ``SegmentationMethod``."""
-        return voxel_map.neighbours(new)
 
     def _weigh(
         self, xyz: NDArray[np.float32], position: NDArray[np.float64]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,16 @@ from mcpseg_cli.incremental.inventory import list_by_batches
 from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.map_rows import MapRows
 from mcpseg_cli.incremental.methods import make_labels, make_method
+from mcpseg_cli.incremental.network_method import NetworkMethod
 from mcpseg_cli.incremental.objects import MapObject, list_objects
 from mcpseg_cli.incremental.regrouping import History
 from mcpseg_cli.incremental.stopwatch import Stopwatch
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.weights import DEFAULT_WEIGHTS, Weights, find_weights, load_weights
+from mcpseg_cli.networks.description import DEFAULT_WEIGHTS, DescribedWeights, find_weights
 from mcpseg_cli.scan import Labels, Scan
+
+if TYPE_CHECKING:
+    from mcpseg_cli.networks.weights import Weights
 
 _PIECE = 1 << 18  # voxels touched before those far from the robot leave memory
 
@@ -69,8 +74,8 @@ class IncrementalSegmenter:
     """A growing labelled map, fed one scan at a time.
 
     Args:
-        method: What labels: a network with its weights, or region growing, which gives objects
-            without classes.
+        method: What labels: a network with its weights, which are read at the first look where they
+            are only described, or region growing, which gives objects without classes.
         settings: Everything else that decides the labels; batch size and similarity, where not
             given, are the network's own. A network without embedding joins neighbours of one class
             (IV-B), whatever the similarity.
@@ -94,7 +99,7 @@ class IncrementalSegmenter:
 
     def __init__(
         self,
-        method: Weights | RegionGrowingSettings,
+        method: Weights | DescribedWeights | RegionGrowingSettings,
         settings: SegmentSettings | None = None,
         *,
         precision: Precision = "auto",
@@ -123,7 +128,19 @@ class IncrementalSegmenter:
         Raises:
             WeightsError: The weights are not there or damaged.
         """
+        from mcpseg_cli.networks.weights import load_weights
+
         return cls(load_weights(find_weights(weights)), settings)
+
+    def get_ready(self) -> None:
+        """Read the weights, where they are only described, and build the network.
+
+        Raises:
+            WeightsError: They are damaged, or changed since they were described.
+            McpsegError: The device does not exist here.
+        """
+        if isinstance(self.method, NetworkMethod):
+            self.method.get_ready()
 
     @property
     def map(self) -> VoxelMap:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.grid import MAX_VOXEL
 from mcpseg_cli.incremental.evidence import FULL
 from mcpseg_cli.incremental.object_graph import INERTIA
-from mcpseg_cli.networks.sparse import NUM_FORWARD
+from mcpseg_cli.networks.stencil import NUM_FORWARD
 
 WIDTH = 128
 """Voxels along the edge of a column."""

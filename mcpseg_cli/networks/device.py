@@ -2,11 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import torch
 
-from mcpseg_cli.choices import Precision
 from mcpseg_cli.errors import McpsegError
 
 
@@ -40,19 +38,3 @@ def one_thread_per_operation() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-def resolve_precision(precision: Precision, device: str = "cpu") -> Precision:
-    """Replace ``auto`` by what this machine does best: bf16 where it is native, else fp32."""
-    if precision != "auto":
-        return precision
-    return "bf16" if device == "cpu" and _cpu_has_bf16() else "fp32"
-
-
-def _cpu_has_bf16() -> bool:
-    """Tell, by what Linux reports, if the processor multiplies bfloat16 (AMX or AVX512-BF16)."""
-    try:
-        flags = Path("/proc/cpuinfo").read_text().split()
-    except OSError:
-        return False
-    return "avx512_bf16" in flags or "amx_bf16" in flags

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_NUM_NEIGHBOURS = 27
+from mcpseg_cli.networks.stencil import NUM_NEIGHBOURS
+
 _AT_ONCE = 4  # neighbours: one at a time takes five times as long
 
 
@@ -40,7 +41,7 @@ def _pair_up(
     starts = np.zeros(count + 1, np.int32)
     for i in range(count):
         there = 0
-        for k in range(_NUM_NEIGHBOURS):
+        for k in range(NUM_NEIGHBOURS):
             there += neighbours[i, k] >= 0
         starts[i + 1] = starts[i] + (there + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE
 
@@ -48,11 +49,11 @@ def _pair_up(
     rows, places = np.empty(starts[-1] + 1, np.int32), np.empty(starts[-1] + 1, np.int32)
     for i in range(count):
         end = starts[i]
-        for k in range(_NUM_NEIGHBOURS):
+        for k in range(NUM_NEIGHBOURS):
             rows[end], places[end] = neighbours[i, k], k
             end += neighbours[i, k] >= 0
         for n in range(end, starts[i + 1]):
-            rows[n], places[n] = i, _NUM_NEIGHBOURS
+            rows[n], places[n] = i, NUM_NEIGHBOURS
     return starts, rows, places
 
 

@@ -4,7 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mcpseg_cli.config import BATCH, EMBEDDING, HIDDEN, NUM_FEATURES
+from mcpseg_cli.config import EMBEDDING, HIDDEN, NUM_FEATURES
+from mcpseg_cli.networks.description import TRAITS
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pooling import PoolContext
 
@@ -16,17 +17,15 @@ class MCPNet(Network):
         num_classes: C, classes to tell apart.
     """
 
-    needs_context = True
-    has_embedding = True
-    batch_size = BATCH
+    traits = TRAITS["mcpnet"]
 
     def __init__(self, num_classes: int) -> None:
         super().__init__()
         self._pools_in_onednn = False
-        if self.needs_context:
+        if self.traits.needs_context:
             self.context_1 = nn.Linear(NUM_FEATURES, HIDDEN)
             self.context_2 = nn.Linear(HIDDEN, HIDDEN)
-        self.features = nn.Linear(NUM_FEATURES + HIDDEN * self.needs_context, HIDDEN)
+        self.features = nn.Linear(NUM_FEATURES + HIDDEN * self.traits.needs_context, HIDDEN)
         self.embed = nn.Linear(HIDDEN, EMBEDDING)
         self.hidden = nn.Linear(HIDDEN + EMBEDDING, HIDDEN)
         self.classify = nn.Linear(HIDDEN, num_classes)
@@ -91,7 +90,7 @@ class MCPNet(Network):
                 of this shape took half the time of torch's default (MKL) on the AMD processor this
                 was measured on.
         """
-        if not self.needs_context:
+        if not self.traits.needs_context:
             return
         if precision == "bf16":
             self.context_1.to(torch.bfloat16)
@@ -115,4 +114,4 @@ def _to_onednn(layer: nn.Linear) -> None:
 class MCPNetNoContext(MCPNet):
     """MCPNet that sees each point without its context (table I, "Proposed")."""
 
-    needs_context = False
+    traits = TRAITS["mcpnet-nocontext"]

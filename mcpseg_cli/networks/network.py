@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from torch import Tensor, nn
 
-from mcpseg_cli.config import BASELINE_BATCH, SIMILARITY
+from mcpseg_cli.networks.description import Traits
 
 
 class Branches(NamedTuple):
@@ -30,20 +30,10 @@ class Network(nn.Module):
     """A network that labels the points around a robot: MCPNet, or one it is compared with.
 
     Attributes:
-        needs_context: Whether it pools context points; then ``forward`` must be given them.
-        sees_windows: Whether it is given whole windows of the map: see ``unet``.
-        has_embedding: Whether it embeds points for clustering; if not, objects are neighbours of
-            one class (IV-B).
-        batch_size: N, points per batch in the paper's experiments. What a network says about a
-            point depends on the other points of its batch.
-        similarity: beta, the cosine similarity above which neighbours are one object (IV-B).
+        traits: What it is like; every network has its own.
     """
 
-    needs_context: bool = False
-    sees_windows: bool = False
-    has_embedding: bool = False
-    batch_size: int = BASELINE_BATCH
-    similarity: float = SIMILARITY
+    traits = Traits()
 
     def forward(
         self, centre: Tensor, context: Tensor | None = None

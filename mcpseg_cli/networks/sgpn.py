@@ -8,7 +8,8 @@ them.
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mcpseg_cli.config import EMBEDDING, SGPN_SIMILARITY
+from mcpseg_cli.config import EMBEDDING
+from mcpseg_cli.networks.description import TRAITS
 from mcpseg_cli.networks.network import Branches, Network, initialise, perceptron
 from mcpseg_cli.networks.pointnet import JOINT_WIDTHS, PointFeatures
 
@@ -22,8 +23,7 @@ class SGPN(Network):
         num_classes: C, classes to tell apart.
     """
 
-    has_embedding = True
-    similarity = SGPN_SIMILARITY
+    traits = TRAITS["sgpn"]
 
     def __init__(self, num_classes: int) -> None:
         super().__init__()

@@ -21,8 +21,8 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-NUM_NEIGHBOURS = 27  # a voxel and the 26 around it
-NUM_FORWARD = 13  # neighbours of which each pair of voxels has one
+from mcpseg_cli.networks.stencil import NUM_NEIGHBOURS
+
 _CENTRE = 13
 NUM_CHILDREN = 8
 _NUM_COLUMNS = 5  # of voxels that hold the forward neighbours

@@ -20,8 +20,9 @@ from mcpseg_cli.choices import Architecture
 from mcpseg_cli.classes import MCPNET_CLASSES
 from mcpseg_cli.config import HIDDEN, NUM_FEATURES
 from mcpseg_cli.errors import WeightsError
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.weights import WeightsInfo, build_network
+from mcpseg_cli.networks.weights import build_network
 
 _FOOTER_SIZE = 48
 _MAGIC = 0xDB4775248B80FB57

@@ -16,8 +16,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mcpseg_cli.networks.description import TRAITS
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.sparse import NUM_CHILDREN, NUM_FORWARD, DepthwiseConv, Level
+from mcpseg_cli.networks.sparse import NUM_CHILDREN, DepthwiseConv, Level
+from mcpseg_cli.networks.stencil import NUM_FORWARD
 
 NUM_INPUTS = 14  # of each voxel: see ``incremental.window``
 WIDTHS = (32, 64, 96, 128, 160)  # features, from the finest level to the coarsest
@@ -50,9 +52,7 @@ class UNet(Network):
         num_classes: C, classes to tell apart.
     """
 
-    sees_windows = True
-    has_embedding = True
-    batch_size = 2  # windows
+    traits = TRAITS["unet"]
 
     def __init__(self, num_classes: int) -> None:
         super().__init__()

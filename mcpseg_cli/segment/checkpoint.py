@@ -94,7 +94,8 @@ class State:
     ) -> None:
         self.path = original or path
         self._database = Database(path, _SCHEMA, SCHEMA_VERSION, self.path, is_durable=is_durable)
-        self._known_sizes: list[_Sizes] | None = None
+        self._known_sizes: list[_Sizes] | None = None  # until the next commit
+        self._num_scans: int | None = None
         self.sources = Sources(self._database)
 
     def __enter__(self) -> State:
@@ -116,7 +117,7 @@ class State:
         """Return the configuration the run was started with; None for a new checkpoint."""
         rows = list(self._database.rows("configuration"))
         if len(rows) != 1:
-            if not rows and not self._sizes:
+            if not rows and not self.num_scans:
                 return None
             raise self._database.damaged("no configuration")
         try:
@@ -141,12 +142,12 @@ class State:
         """
         known = {row[0]: row[1:] for row in self._database.rows("outputs")}  # none unchecked
         num_scans, sha256 = known.get(name, (None, None))
-        return str(sha256) if num_scans == len(self._sizes) else None
+        return str(sha256) if num_scans == self.num_scans else None
 
     def set_written(self, name: str, sha256: str) -> None:
         """Write down the hash of an output that shows the map as it is after the last scan."""
         with self._database.transaction():
-            self._database.insert("outputs", name, len(self._sizes), sha256, replace=True)
+            self._database.insert("outputs", name, self.num_scans, sha256, replace=True)
 
     def commit(self, record: ScanRecord, rows: MapRows, changes: MapChanges) -> None:
         """Add one scan and all it did, or, if anything fails, nothing.
@@ -160,10 +161,10 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
-        number = len(self._sizes)
+        number = self.num_scans
         with self._database.transaction():
-            sizes = self._insert(number, record, rows, changes)
-        self._sizes.append(sizes)
+            self._insert(number, record, rows, changes)
+        self._count(number + 1)
 
     def commit_all(self, scans: Sequence[tuple[ScanRecord, MapRows]]) -> None:
         """Add scans that were labelled together: all of them or, if anything fails, none.
@@ -176,13 +177,11 @@ class State:
             OutputError: The disk is full or the file cannot grow.
             StateError: The database is damaged.
         """
-        first = len(self._sizes)
+        first = self.num_scans
         with self._database.transaction():
-            sizes = [
+            for number, (record, rows) in enumerate(scans, start=first):
                 self._insert(number, record, rows, MapChanges.none())
-                for number, (record, rows) in enumerate(scans, start=first)
-            ]
-        self._sizes.extend(sizes)
+        self._count(first + len(scans))
 
     def add_scans(self, records: Sequence[ScanRecord]) -> None:
         """Add scans of which the voxels are added by ``add_voxels``, in any number of calls."""
@@ -214,10 +213,8 @@ class State:
         """Iterate over every voxel with the labels it had when first seen, see ``map_rows``."""
         return self._first_rows()
 
-    def _insert(
-        self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges
-    ) -> _Sizes:
-        """Add a scan within a transaction; return how much there must be of it."""
+    def _insert(self, number: int, record: ScanRecord, rows: MapRows, changes: MapChanges) -> None:
+        """Add a scan within a transaction."""
         file = record.file
         identity = (
             number, record.name, file.size, file.mtime_ns, file.sha256, record.pose.tobytes()
@@ -229,7 +226,6 @@ class State:
         self._insert_changes(number, changes)
 
         self._insert_voxels(record.num_voxels - len(rows), rows)
-        return _Sizes(record.output_size, *counts, record.num_voxels)
 
     def _insert_voxels(self, first: int, rows: MapRows) -> None:
         """Add new voxels, in blobs that SQLite can hold."""
@@ -254,10 +250,14 @@ class State:
         for block, rows in evidence.items():
             self._database.insert("evidence", int(block), rows.tobytes(), replace=True)
 
-    def scans(self) -> list[ScanRecord]:
-        """List the consumed scans in order."""
+    def scans(self, first: int = 0) -> list[ScanRecord]:
+        """List the consumed scans in order.
+
+        Args:
+            first: Number of the first.
+        """
         records, sizes = [], []
-        for row in self._scan_rows():
+        for row in self._scan_rows(first):
             sizes.append(_Sizes.of(row))
             number, name, size, mtime_ns, sha256, pose, num_points, num_voxels = row[:8]
             floor, error, text, output_size = row[8:12]
@@ -273,8 +273,20 @@ class State:
                     name, file, matrix, num_points, num_voxels, floor, error, event, output_size
                 )
             )
-        self._known_sizes = sizes
+        if first == 0:
+            self._known_sizes = sizes
         return records
+
+    @property
+    def num_scans(self) -> int:
+        """How many scans were consumed."""
+        if self._num_scans is None:
+            self._num_scans = len(self._sizes)
+        return self._num_scans
+
+    def _count(self, num_scans: int) -> None:
+        """Take note of a commit; what each scan must have is read again when it is needed."""
+        self._num_scans, self._known_sizes = num_scans, None
 
     @property
     def _sizes(self) -> list[_Sizes]:
@@ -283,9 +295,10 @@ class State:
             self._known_sizes = [_Sizes.of(row) for row in self._scan_rows()]
         return self._known_sizes
 
-    def _scan_rows(self) -> Iterator[_ScanRow]:
+    def _scan_rows(self, first: int = 0) -> Iterator[_ScanRow]:
         """Iterate over the consumed scans: none is missing, all have names of files."""
-        for expected, row in enumerate(self._database.rows("scans")):
+        rows = self._database.rows("scans", "number >= ?", (first,))
+        for expected, row in enumerate(rows, start=first):
             number, name, pose = row[0], str(row[1]), row[5]
             is_pose = isinstance(pose, bytes) and len(pose) == 16 * 8
             if number != expected or not is_pose or not is_file_name(name):

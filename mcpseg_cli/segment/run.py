@@ -86,7 +86,7 @@ class SegmentRun:
         overwrite: Delete the run that is there.
 
     Attributes:
-        records: The consumed scans, in order.
+        records: The consumed scans, counted.
         pending: The scans that were not consumed when the run was opened.
         resumed_from: How many were consumed then.
         outputs: The files that follow the checkpoint.
@@ -179,6 +179,10 @@ class SegmentRun:
                 yield self.refuse(source, error, started)
             else:
                 yield self.label(read, started)
+
+    def scans_from(self, first: int) -> list[ScanRecord]:
+        """List the consumed scans from a number on, from the checkpoint."""
+        return self._state.scans(first)
 
     def read(self, source: ScanSource) -> ReadScan:
         """Read a scan as this run takes it.

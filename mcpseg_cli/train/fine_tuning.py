@@ -4,8 +4,9 @@ import torch
 from torch import nn
 
 from mcpseg_cli.errors import WeightsError
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.weights import Weights, WeightsInfo
+from mcpseg_cli.networks.weights import Weights
 
 
 def adopt(network: Network, info: WeightsInfo, weights: Weights) -> list[str]:

@@ -125,7 +125,7 @@ def fold_data(
     _check_classes(classes, training, data.mapping)
 
     # objects are drawn evenly to learn from, points as segmentation sees them to validate
-    make = _window_sources if NETWORKS[train.architecture].sees_windows else _point_sources
+    make = _window_sources if NETWORKS[train.architecture].traits.sees_windows else _point_sources
     learned, validated, plain = make(training, validation, classes, data, train)
     return FoldData(
         classes,
@@ -151,7 +151,7 @@ def _window_sources(
             areas,
             classes,
             data.mapping,
-            windows_per_batch=train.batch_size or NETWORKS[train.architecture].batch_size,
+            windows_per_batch=train.batch_size or NETWORKS[train.architecture].traits.batch_size,
             settings=data.windows,
             augmentation=augment,
             seed=train.seed,
@@ -181,7 +181,7 @@ def _point_sources(
             areas,
             classes,
             data.mapping,
-            batch_size=train.batch_size or network.batch_size,
+            batch_size=train.batch_size or network.traits.batch_size,
             with_context=with_context,
             augmentation=augment,
             seed=train.seed,
@@ -190,8 +190,8 @@ def _point_sources(
         )
 
     per_object = train.samples_per_instance
-    learned = source(training, network.needs_context, per_object, data.augment)
-    validated = source(validation, network.needs_context, 0) if validation else None
+    learned = source(training, network.traits.needs_context, per_object, data.augment)
+    validated = source(validation, network.traits.needs_context, 0) if validation else None
     return learned, validated, source(training, False, per_object)
 
 

@@ -13,14 +13,9 @@ import torch
 
 from mcpseg_cli import __version__
 from mcpseg_cli.config import NUM_CONTEXT, TrainSettings
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.network import Network
-from mcpseg_cli.networks.weights import (
-    Weights,
-    WeightsInfo,
-    build_network,
-    rounded_network,
-    save_weights,
-)
+from mcpseg_cli.networks.weights import Weights, build_network, rounded_network, save_weights
 from mcpseg_cli.resumable import printable, write_whole
 from mcpseg_cli.train.calibration import Calibration, calibrate
 from mcpseg_cli.train.checkpoint import check_identity, read_checkpoint, write_checkpoint
@@ -124,7 +119,7 @@ class TrainRun:
     @property
     def batch_size(self) -> int:
         """Points per batch."""
-        return self.request.settings.batch_size or self.trainer.network.batch_size
+        return self.request.settings.batch_size or self.trainer.network.traits.batch_size
 
     @property
     def is_complete(self) -> bool:

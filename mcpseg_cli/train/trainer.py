@@ -85,7 +85,7 @@ class Trainer:
 
         self._parameters = list(network.parameters())
         self._device = self._parameters[0].device
-        objective = WindowObjective if network.sees_windows else Objective
+        objective = WindowObjective if network.traits.sees_windows else Objective
         self._objective: Objective | WindowObjective = objective(
             settings, class_weights, self._device
         )

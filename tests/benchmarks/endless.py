@@ -26,7 +26,8 @@ from mcpseg_cli.incremental.evidence import Look
 from mcpseg_cli.incremental.room_network import RoomNetwork
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.weights import find_weights, load_weights
+from mcpseg_cli.networks.description import find_weights
+from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.segment.paging import PagedMemory
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions

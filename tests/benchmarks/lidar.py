@@ -23,7 +23,8 @@ from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats import Cloud, write_cloud
 from mcpseg_cli.formats.recording import ScanFile
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.networks.weights import find_weights, load_weights
+from mcpseg_cli.networks.description import find_weights
+from mcpseg_cli.networks.weights import load_weights
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
 

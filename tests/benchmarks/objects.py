@@ -24,7 +24,8 @@ from mcpseg_cli.incremental.map_objects import make_objects
 from mcpseg_cli.incremental.methods import make_labels
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
 from mcpseg_cli.incremental.voxel_map import VoxelMap
-from mcpseg_cli.networks.weights import Weights, find_weights, load_weights
+from mcpseg_cli.networks.description import find_weights
+from mcpseg_cli.networks.weights import Weights, load_weights
 
 
 def walk(building: Path, weights: Weights) -> tuple[IncrementalSegmenter, list[float]]:

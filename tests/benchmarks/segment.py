@@ -22,9 +22,10 @@ from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats.poses import read_poses
 from mcpseg_cli.formats.recording import open_recording, read_scan
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
+from mcpseg_cli.networks.description import find_weights
 from mcpseg_cli.networks.device import one_thread_per_operation
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
-from mcpseg_cli.networks.weights import Weights, find_weights, load_weights, save_weights
+from mcpseg_cli.networks.weights import Weights, load_weights, save_weights
 from mcpseg_cli.segment.run import SegmentRun
 from mcpseg_cli.segment.run_record import RunOptions
 

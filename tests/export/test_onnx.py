@@ -9,7 +9,8 @@ import torch
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.errors import OutputError
 from mcpseg_cli.export.onnx import write_onnx
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import build_network, load_weights, save_weights
 
 onnxruntime = pytest.importorskip("onnxruntime")
 pytest.importorskip("onnxscript")
@@ -30,7 +31,7 @@ def test_onnxruntime_answers_as_pytorch_does(architecture, tmp_path):
     session = onnxruntime.InferenceSession(tmp_path / "model.onnx")
     names = [item.name for item in session.get_inputs()]
     outputs = [item.name for item in session.get_outputs()]
-    assert names == (["centre", "context"] if weights.network.needs_context else ["centre"])
+    assert names == (["centre", "context"] if weights.network.traits.needs_context else ["centre"])
 
     # batches of sizes it was not traced with
     rng = np.random.default_rng(1)

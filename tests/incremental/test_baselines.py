@@ -13,7 +13,8 @@ from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.config import SegmentSettings
 from mcpseg_cli.formats import read_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import Weights, build_network, save_weights
 from mcpseg_cli.scan import Scan
 from tests.commands import segment
 

@@ -12,7 +12,8 @@ from mcpseg_cli.incremental.evidence import Evidence, Look
 from mcpseg_cli.incremental.map_labels import AllLooks, FirstLooks
 from mcpseg_cli.incremental.offline import label_cloud
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter, ScanUpdate
-from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network, save_weights
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import Weights, build_network, save_weights
 from mcpseg_cli.scan import Scan
 from tests.commands import segment
 

@@ -13,7 +13,8 @@ from mcpseg_cli.incremental.evidence import Evidence, Look
 from mcpseg_cli.incremental.object_graph import ObjectGraph
 from mcpseg_cli.incremental.regrouping import History, Moves
 from mcpseg_cli.incremental.segmenter import IncrementalSegmenter
-from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import Weights, build_network
 from mcpseg_cli.scan import Scan
 
 METHODS = [("unet", "fused"), ("unet", "first"), ("mcpnet", "first"), ("mcpnet", "fused")]

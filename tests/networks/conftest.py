@@ -4,8 +4,9 @@ import pytest
 import torch
 
 from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.unet import UNet
-from mcpseg_cli.networks.weights import WeightsInfo, build_network
+from mcpseg_cli.networks.weights import build_network
 
 
 @pytest.fixture(scope="session")

@@ -10,11 +10,12 @@ import pytest
 import torch
 
 from mcpseg_cli.classes import S3DIS_CLASSES
+from mcpseg_cli.networks.description import WeightsInfo
 from mcpseg_cli.networks.network import Network
 from mcpseg_cli.networks.pointnet import PointNet
 from mcpseg_cli.networks.pointnet2 import ball, farthest_points, gather, interpolate
 from mcpseg_cli.networks.voxnet import occupancy
-from mcpseg_cli.networks.weights import NETWORKS, Architecture, WeightsInfo, build_network
+from mcpseg_cli.networks.weights import NETWORKS, Architecture, build_network
 from mcpseg_cli.train.losses import (
     classification_loss,
     sgpn_confidence_loss,
@@ -22,7 +23,7 @@ from mcpseg_cli.train.losses import (
     triplet_semihard_loss,
 )
 
-ARCHITECTURES = [name for name in get_args(Architecture) if not NETWORKS[name].sees_windows]
+ARCHITECTURES = [name for name in get_args(Architecture) if not NETWORKS[name].traits.sees_windows]
 POINTS = 60
 
 
@@ -38,7 +39,7 @@ def make_input(
     generator = torch.Generator().manual_seed(seed)
     low, size = torch.tensor([-2.0, -2, 0, -0.5, -0.5, -0.5]), torch.tensor([4.0, 4, 3, 1, 1, 1])
     centre = torch.rand(*shape, 6, generator=generator) * size + low
-    if not network.needs_context:
+    if not network.traits.needs_context:
         return centre, None
     return centre, 0.3 * torch.randn(*shape, 8, 6, generator=generator)
 
@@ -62,12 +63,12 @@ def test_networks_give_what_they_claim(architecture):
     network = build(architecture)
     with torch.inference_mode():
         embedding, logits = network(*make_input(network, POINTS))
-    assert NETWORKS[architecture].needs_context == (architecture == "mcpnet")
-    assert NETWORKS[architecture].batch_size == (256 if "mcpnet" in architecture else 1024)
+    assert NETWORKS[architecture].traits.needs_context == (architecture == "mcpnet")
+    assert NETWORKS[architecture].traits.batch_size == (256 if "mcpnet" in architecture else 1024)
     assert logits.shape == (POINTS, 13)
 
     has_embedding = architecture in {"mcpnet", "mcpnet-nocontext", "sgpn"}
-    assert (embedding is not None) == NETWORKS[architecture].has_embedding == has_embedding
+    assert (embedding is not None) == NETWORKS[architecture].traits.has_embedding == has_embedding
     if embedding is not None:
         assert embedding.shape == (POINTS, 50)
         torch.testing.assert_close(embedding.norm(dim=1), torch.ones(POINTS))
@@ -162,7 +163,7 @@ def test_a_network_without_context_says_so(architecture):
     if architecture != "mcpnet-nocontext":
         with pytest.raises(TypeError, match="takes no context"):
             network(torch.zeros(5, 6), torch.zeros(5, 8, 6))
-    assert not network.needs_context
+    assert not network.traits.needs_context
 
 
 @pytest.mark.parametrize("architecture", ARCHITECTURES)

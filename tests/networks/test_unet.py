@@ -36,8 +36,8 @@ def assert_alike(one, other, tolerance: float = 1e-4) -> None:
 def test_it_gives_what_it_claims(unet):
     voxel = make_window(1)
     logits, embedding = judge(unet, voxel, inputs_of(voxel))
-    assert NETWORKS["unet"].sees_windows
-    assert NETWORKS["unet"].has_embedding
+    assert NETWORKS["unet"].traits.sees_windows
+    assert NETWORKS["unet"].traits.has_embedding
     assert logits.shape == (len(voxel), 13)
     assert embedding.shape == (len(voxel), EMBEDDING)
     torch.testing.assert_close(embedding.norm(dim=1), torch.ones(len(voxel)))

@@ -13,13 +13,12 @@ from safetensors.torch import save_file
 
 from mcpseg_cli.classes import HOME_CLASSES, MCPNET_CLASSES, S3DIS_CLASSES
 from mcpseg_cli.errors import WeightsError
+from mcpseg_cli.networks.description import WeightsInfo, find_weights
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint, read_tensor_bundle
 from mcpseg_cli.networks.weights import (
     Architecture,
     StoredAs,
-    WeightsInfo,
     build_network,
-    find_weights,
     load_weights,
     rounded_network,
     save_weights,

@@ -3,7 +3,6 @@
 import tracemalloc
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,14 +21,10 @@ def make_record(number: int, error: str | None = None) -> ScanRecord:
 
 
 @given(st.lists(st.none() | st.just("damaged"), max_size=20))
-def test_it_knows_of_each_scan_what_its_record_said(errors):
+def test_it_counts_scans_and_names_those_that_were_skipped(errors):
     records = [make_record(number, error) for number, error in enumerate(errors)]
     log = ScanLog(records)
     assert len(log) == len(records)
-    for record, logged in zip(records, log, strict=True):
-        assert logged.num_voxels == record.num_voxels
-        assert np.array_equal(logged.pose, record.pose)
-        assert logged.error == record.error
     assert log.floor == (records[-1].floor if records else None)
     assert log.num_voxels == (records[-1].num_voxels if records else 0)
     assert log.num_used == sum(record.error is None for record in records)
@@ -37,17 +32,11 @@ def test_it_knows_of_each_scan_what_its_record_said(errors):
     assert log.skipped == {number: f"{number}.ply" for number, error in enumerate(errors) if error}
 
 
-def test_there_is_no_scan_before_the_first_or_after_the_last():
-    for number in (-1, 1):
-        with pytest.raises(IndexError):
-            ScanLog([make_record(0)])[number]
-
-
-def test_a_scan_takes_some_hundred_bytes():
+def test_scans_take_no_memory():
     record, log = make_record(3), ScanLog()
     tracemalloc.start()
     for _ in range(10_000):
         log.append(record)
     held, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert held < 10_000 * 200
+    assert held < 10_000

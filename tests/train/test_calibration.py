@@ -11,7 +11,8 @@ from scipy.special import log_softmax, softmax
 
 from mcpseg_cli.classes import S3DIS_CLASSES
 from mcpseg_cli.config import WINDOW_SAMPLES, SampleSettings, WindowSettings
-from mcpseg_cli.networks.weights import WeightsInfo, build_network, load_weights, save_weights
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import build_network, load_weights, save_weights
 from mcpseg_cli.train.calibration import calibrate, calibration_of, fit_temperature
 from mcpseg_cli.train.samples import prepare_samples
 from mcpseg_cli.train.windows import WindowSource

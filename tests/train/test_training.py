@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from mcpseg_cli.config import TrainSettings
 from mcpseg_cli.errors import StateError, StateInUseError, TrainingError, WeightsError
-from mcpseg_cli.networks.weights import Weights, WeightsInfo, build_network
+from mcpseg_cli.networks.description import WeightsInfo
+from mcpseg_cli.networks.weights import Weights, build_network
 from mcpseg_cli.resumable import exclusive
 from mcpseg_cli.train.batches import Batch
 from mcpseg_cli.train.checkpoint import read_checkpoint, write_checkpoint
