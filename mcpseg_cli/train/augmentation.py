@@ -149,7 +149,7 @@ def change_colours(scene: Scene, settings: AugmentSettings, rng: np.random.Gener
     contrast = 1 + rng.uniform(-1, 1) * settings.contrast
     offset = rng.uniform(-1, 1) * settings.offset
     if contrast != 1 or offset:
-        mean = rgb.mean()
+        mean = rgb.mean() if rgb.size else 0.0
         rgb *= np.float32(contrast)
         rgb += np.float32((1 - contrast) * mean + offset)
     np.clip(rgb, 0, 255, out=rgb)

@@ -327,3 +327,11 @@ def test_dropped_context_repeats_the_first_columns(rng):
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ValidationError):
         AugmentSettings(**wrong)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_scene_that_was_cut_away_whole_stays_empty_without_a_word(rng):
+    scene = make_scene()
+    empty = replace(scene, xyz=scene.xyz[:0], rgb=scene.rgb[:0])
+    for _ in range(20):
+        assert len(augment(empty, AugmentSettings.of_windows(), rng).xyz) == 0
