@@ -87,6 +87,7 @@ class NetworkClassifier:
         looks: NDArray[np.uint16],
         position: NDArray[np.float64],
         floor: float,
+        number: int,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
         """Judge voxels with the context there is by now; see ``map_labels.Looker``."""

@@ -46,9 +46,13 @@ class Looker(Protocol):
         looks: NDArray[np.uint16],
         position: NDArray[np.float64],
         floor: float,
+        number: int,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
-        """Judge voxels; also give (M, E) int16 what neighbours are compared by, in that order."""
+        """Judge voxels at the scan of a number, each look in its own way.
+
+        Also give (M, E) int16 what neighbours are compared by, in the order of the look.
+        """
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,7 @@ class FirstLooks:
         ids: NDArray[np.int32],
         observed: Observation,
         position: NDArray[np.float64],
+        number: int,
         rng: np.random.Generator,
     ) -> Judged:
         """Find out about voxels what a scan tells.
@@ -113,6 +118,7 @@ class FirstLooks:
             ids: (M,) int32 voxels, as of ``looks_at``.
             observed: What the scan showed of the map.
             position: (3,) float64 robot position, metres, map frame.
+            number: Of the scan, from 0.
             rng: Decides every random choice.
         """
         floor = observed.floor or 0.0
@@ -187,6 +193,7 @@ class AllLooks(FirstLooks):
         ids: NDArray[np.int32],
         observed: Observation,
         position: NDArray[np.float64],
+        number: int,
         rng: np.random.Generator,
     ) -> Judged:
         """Look at voxels once more; see ``FirstLooks.judge``."""
@@ -197,7 +204,8 @@ class AllLooks(FirstLooks):
 
         # one more look at each voxel
         floor = observed.floor or 0.0
-        look, embedding = self._looker.look(voxels, ids, evidence.looks[ids], position, floor, rng)
+        looks = evidence.looks[ids]
+        look, embedding = self._looker.look(voxels, ids, looks, position, floor, number, rng)
         embedding = embedding[np.argsort(look.ids)][ids >= observed.first_new]
         if self._only_first:
             look = look.of(look.ids >= observed.first_new)
@@ -224,7 +232,7 @@ class AllLooks(FirstLooks):
     def judge_complete(
         self, voxels: VoxelMap, position: NDArray[np.float64], floor: float | None
     ) -> NDArray[np.int16]:
-        """Look at all voxels of a complete map once, as if it had been seen from all sides.
+        """Look at all voxels of a complete map, as if it had been seen from all sides.
 
         Args:
             voxels: The map.
@@ -238,9 +246,12 @@ class AllLooks(FirstLooks):
         self.evidence.extend(len(voxels))
         for _ in range(_LOOKS_OFFLINE):
             self.evidence.count_looks(everything)
-        looks, rng = self.evidence.looks, np.random.default_rng(0)
-        look, embedding = self._looker.look(voxels, everything, looks, position, floor or 0.0, rng)
-        self.evidence.add(replace(look, weight=np.ones(len(voxels), np.float32)))
+        looks, floor, rng = self.evidence.looks, floor or 0.0, np.random.default_rng(0)
+        for number in range(_LOOKS_OFFLINE):
+            look, embedding = self._looker.look(
+                voxels, everything, looks, position, floor, number, rng
+            )
+            self.evidence.add(replace(look, weight=np.ones(len(voxels), np.float32)))
         return embedding[np.argsort(look.ids)]
 
     def class_evidence(self, ids: NDArray[np.int32]) -> NDArray[np.uint16]:

@@ -118,10 +118,11 @@ class NetworkMethod:
         looks: NDArray[np.uint16],
         position: NDArray[np.float64],
         floor: float,
+        number: int,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
         """Judge voxels; see ``map_labels.Looker``."""
-        return self._looker.look(voxels, ids, looks, position, floor, rng)
+        return self._looker.look(voxels, ids, looks, position, floor, number, rng)
 
     def partners(
         self,

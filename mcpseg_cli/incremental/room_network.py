@@ -21,7 +21,8 @@ from mcpseg_cli.networks.unet import NUM_LEVELS, UNet
 from mcpseg_cli.networks.unet_inference import FastUNet
 from mcpseg_cli.networks.weights import Weights
 
-_COARSEST = np.int32(2 ** (NUM_LEVELS - 1) - 1)  # levels stay aligned with the map
+_COARSEST = 2 ** (NUM_LEVELS - 1)  # voxels along the edge of the coarsest level's
+_SPREAD = (0.8191725134, 0.6710436067, 0.5497004779)  # multiples of these fill a cube evenly
 _RIM = 2.0  # metres from the border of the window within which a look is worth less
 _LEAST = 0.1  # what a look from the border itself is worth
 
@@ -73,9 +74,13 @@ class RoomNetwork:
         looks: NDArray[np.uint16],
         position: NDArray[np.float64],
         floor: float,
+        number: int,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
         """Judge voxels, each with all others as context; nothing is random.
+
+        Where the coarser levels begin is arbitrary, and changes what the network says: at every
+        scan they begin elsewhere, so that the evidence of many looks is about the room alone.
 
         Args:
             voxels: The map.
@@ -83,6 +88,7 @@ class RoomNetwork:
             looks: (M,) uint16 how many scans saw each.
             position: (3,) float64 robot position, metres, map frame.
             floor: Height of the floor, metres, map frame.
+            number: Of the scan, from 0.
             rng: Not used.
 
         Returns:
@@ -93,7 +99,8 @@ class RoomNetwork:
         order = np.lexsort(voxel.T[::-1])
         ids, xyz, voxel = ids[order], xyz[order], voxel[order]
         origin = voxel_of(position[None].astype(np.float32), voxels.voxel_size)
-        levels = make_levels(voxel - (origin & ~_COARSEST), NUM_LEVELS)
+        start = (origin & -_COARSEST) - begin_of_levels(number)
+        levels = make_levels(voxel - start.astype(np.int32), NUM_LEVELS)
 
         # what each is, and whom it belongs with
         neighbours = levels[0].neighbours.numpy()
@@ -127,3 +134,13 @@ class RoomNetwork:
         inside = (np.float32(self.settings.local_range) - away) / np.float32(_RIM)
         weight: NDArray[np.float32] = np.clip(inside, _LEAST, 1).astype(np.float32)
         return weight
+
+
+def begin_of_levels(number: int) -> NDArray[np.int64]:
+    """Give (3,) int64 by how many voxels the coarser levels begin off the map's origin at a scan.
+
+    An additive recurrence (Roberts, 2018): few scans in a row have offsets all over the cube.
+    """
+    place = (0.5 + number * np.array(_SPREAD)) % 1
+    offset: NDArray[np.int64] = np.floor(_COARSEST * place).astype(np.int64)
+    return offset

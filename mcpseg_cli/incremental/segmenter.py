@@ -181,7 +181,7 @@ class IncrementalSegmenter:
         clock.lap("network")
         self.clusters.take_apart(self.map, ids, observed, scan.position)
         clock.lap("cluster")
-        judged = self._labels.judge(self.map, ids, observed, scan.position, rng)
+        judged = self._labels.judge(self.map, ids, observed, scan.position, self.num_scans, rng)
         clock.lap("network")
 
         # cluster with neighbours

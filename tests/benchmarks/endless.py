@@ -50,6 +50,7 @@ class ToldBySurface(RoomNetwork):
         looks: NDArray[np.uint16],
         position: NDArray[np.float64],
         floor: float,
+        number: int,
         rng: np.random.Generator,
     ) -> tuple[Look, NDArray[np.int16]]:
         """Judge voxels; see ``RoomNetwork``."""

@@ -247,12 +247,7 @@ def rgbd_of_walk(folder: Path) -> tuple[Path, tuple[Path, Path]]:
     return folder / "room", containers.write_folder(folder / "input", seen)
 
 
-MISSED = pytest.mark.xfail(
-    raises=AssertionError, reason="98.75 % since its weights were trained again", strict=False
-)
-
-
-@pytest.mark.parametrize("weights", [pytest.param("unet", marks=MISSED), "unet-home"])
+@pytest.mark.parametrize("weights", ["unet", "unet-home"])
 def test_depth_images_of_the_walk_give_the_labels_of_its_points_within_1_percent(weights, tmp_path):
     room, folder = rgbd_of_walk(tmp_path)
     words = ("-w", weights)
