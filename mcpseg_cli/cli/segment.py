@@ -117,7 +117,7 @@ def segment(
         Labelling | None,
         typer.Option(
             help="Which looks decide a voxel's class: the first, as in the paper, or all that it "
-            "gets, fused; --offline has one only.  [default: fused for unet, else first]"
+            "gets, fused; --offline takes no account of it.  [default: fused for unet, else first]"
         ),
     ] = None,
     clustering: Annotated[
