@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import re
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 FILES_A_ROUND = 2500
 _ENDLESS_S = 60  # to wait for a reader
 _ROUND_S = 900.0
+_COLLECTED = 50  # files between two searches for circles
 _PANIC = "panicked at"  # what Rust says of LAZ, see docs/trust.md
 LIES = (0, 1, 0x7FFF, 0xFFFF, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1, (1 << 64) - 1)
 WORDS = (b"-1", b"0", b"1e999", b"nan", b"9" * 20, b"9" * 400, b"9" * 5000, b"[[[[", b"\xff\xfe")
@@ -69,6 +71,8 @@ def read_damaged(seed: int, files: list[Sound], folder: Path, report: Report, co
         sound = rng.choice(files)
         path = folder / sound.name
         path.write_bytes(damage(sound.data, rng))
+        if number % _COLLECTED == 0:  # what reads in circles is no memory of the next one
+            gc.collect()
         place = f"seed {seed}, file {number}, {sound.name}"
         (folder / "at").write_text(place)
 

@@ -32,7 +32,7 @@ from tests.soak_sound import Sound, sound_in, sound_of
 
 SAMPLES = SampleSettings(seen_again=10, num_context=8)
 WINDOWS = SampleSettings(seen_again=10, num_context=0)
-_MESH = MeshOptions(up="z", scale=1.0, voxel_size=0.5)
+_MESH = MeshOptions(up="z", scale=1.0, voxel_size=10.0)
 
 
 def prepared(folder: Path) -> list[Sound]:

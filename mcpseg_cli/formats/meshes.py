@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import zlib
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +26,9 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
 _NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
 _DAMAGE = (  # what trimesh raises for damaged files
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, NotImplementedError,
-    EOFError, MemoryError, NameError, StructError, AssertionError,
+    EOFError, MemoryError, NameError, StructError, AssertionError, SyntaxError, zlib.error,
 )  # fmt: skip
+_TOO_LARGE = "Image size"  # how Pillow's warning of pictures that lie begins
 _LARGEST = 2048  # pixels of a texture
 
 
@@ -98,12 +101,17 @@ def read_mesh(path: Path) -> list[MeshPart]:
         OSError: It cannot be opened.
     """
     try:
-        parts = [
-            part
-            for mesh, name, labels in _meshes_in(path)
-            if (part := _part(path, mesh, name, labels))
-        ]
-    except _DAMAGE as error:
+        # corners that are no numbers are for the caller to refuse
+        with np.errstate(all="ignore"), catch_warnings(action="ignore"):
+            filterwarnings("error", _TOO_LARGE)
+            parts = [
+                part
+                for mesh, name, labels in _meshes_in(path)
+                if (part := _part(path, mesh, name, labels))
+            ]
+    except (*_DAMAGE, Warning, OSError) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # no damage, but not there
+            raise
         found, remedy = f"no mesh: {error}", "export it again, or as GLB"
         raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
     if not parts:
@@ -135,8 +143,10 @@ def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]
         mesh = scene.geometry[geometry]
         if not isinstance(mesh, trimesh.Trimesh):
             continue
-        mesh = mesh.copy()
+        visual = mesh.visual
+        mesh = mesh.copy(include_visual=False)  # a copy of its pictures would be no use
         mesh.apply_transform(place)
+        mesh.visual = visual
         own = objects.get(str(geometry))
         names = own or _names(scene, str(node), str(geometry), mesh, path)
         found.append((mesh, names[0], names))
@@ -167,6 +177,9 @@ def _part(path: Path, mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...])
     triangles = np.asarray(mesh.triangles, np.float64)
     if not len(triangles):
         return None
+    if triangles.shape[1:] != (3, 3):
+        found = f"triangles of shape {triangles.shape}"
+        raise InputError(path, found, "three corners of x y z", "export it again")
 
     # corners in their own colours, or in that of a material
     faces, visual = np.asarray(mesh.faces), mesh.visual

@@ -58,7 +58,11 @@ def read_blocks(path: Path, data: list[tuple[int, str]]) -> Poses:
         block = data[first : first + height]
         rows.append(_matrix(path, block[has_head:]))
         numbers.append(block[0][0])
-        ids.append(_numbers(block[0][1])[0])
+        head = _numbers(block[0][1])
+        if not head:
+            found = f"{block[0][1].strip()[:40]!r} in line {block[0][0]}"
+            raise InputError(path, found, "numbers", "copy the file again")
+        ids.append(head[0])
     poses, lost = _poses(path, numbers, rows)
     told = _OPEN3D if has_head else "4 x 4 matrices, one after another"
 
