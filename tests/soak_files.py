@@ -52,7 +52,9 @@ def sound_files(folder: Path) -> list[Sound]:
     np.savetxt(folder / "cloud.xyz", numbers[:, :3])
     clouds += [sound_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
     clouds += [*_poses(folder, poses), *_recordings(folder), *_meshes(folder)]
-    more = [sound_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))]
+    more = [
+        sound_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))
+    ]
     more += [*soak_folders.recordings(folder / "folders")]
     return [*clouds, *_others(folder, few), *more, *soak_prepared.prepared(folder / "prepared")]
 

@@ -93,7 +93,9 @@ def _bags(folder: Path) -> list[Sound]:
             containers.odometry(one, child="camera"),
             containers.camera_info(camera, stamp, f"{depths}/camera_info"),
             containers.camera_info(camera, stamp, f"{colours}/camera_info"),
-            containers.image(np.rint(1000 * depth).astype("<u2"), "16UC1", stamp, f"{depths}/image_raw"),
+            containers.image(
+                np.rint(1000 * depth).astype("<u2"), "16UC1", stamp, f"{depths}/image_raw"
+            ),
             containers.image(colour, "rgb8", stamp, f"{colours}/image_raw"),
         ]
     transforms, _ = tf_chain(small)
@@ -107,7 +109,9 @@ def _bags(folder: Path) -> list[Sound]:
     }
     found = [sound_of(make(folder / name), read_whole) for name, make in write.items()]
     for storage in ("sqlite3", "mcap"):
-        root = containers.write_ros2_bag(folder / f"ros2-{storage}", [*transforms, *clouds], storage)
+        root = containers.write_ros2_bag(
+            folder / f"ros2-{storage}", [*transforms, *clouds], storage
+        )
         found.append(sound_in(root, "metadata.yaml", read_whole))
     return found
 
@@ -138,5 +142,3 @@ def _poses(folder: Path) -> list[Sound]:
         path.write_text("\n".join(test_pose_files.FILES[name]) + "\n")
         found.append(sound_of(path, read))
     return found
-
-

@@ -182,7 +182,12 @@ def _las(folder: Path) -> list[Sound]:
     )  # fmt: skip
     header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "WKT", b'GEOGCS["WGS 84"]\0'))
     header.vlrs.append(laspy.VLR("LASF_Spec", 0, "classes", b"\x02ground".ljust(32, b"\0")))
-    header.vlrs.append(laspy.VLR("owner", 42, "note", b"kept"))
+    keys = np.array([1, 1, 0, 2, 1024, 0, 1, 1, 2049, 34737, 7, 0], "<u2").tobytes()
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "keys", keys))
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34736, "numbers", np.ones(2).tobytes()))
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34737, "texts", b"WGS 84|\0"))
+    header.vlrs.append(laspy.VLR("LASF_Spec", 100, "wave", bytes(26)))
+    header.vlrs.append(laspy.VLR("own??he", 42, "note", b"kept"))
     header.vlrs.append(laspy.VLR("mcpseg", 1, "class names", b"floor,wall"))
     header.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("owner", 43, "far", b"kept as well")])
     las = laspy.LasData(header)
@@ -232,9 +237,7 @@ def _synth(folder: Path) -> Sound:
     root.mkdir()
     request = SynthRequest(number=1, seed=2, num_rooms=3, spacing=0.1, style=1)
     room = RoomCounts(name="office_1", points={"wall": 9}, objects={"wall": 1})
-    record = _Record(
-        version=1, request=request, style_name="a", planned=["office_1"], rooms=[room]
-    )
+    record = _Record(version=1, request=request, style_name="a", planned=["office_1"], rooms=[room])
     (root / RECORD).write_text(record.model_dump_json(indent=1))
     return sound_in(root, RECORD, _read_record)
 

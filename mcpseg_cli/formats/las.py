@@ -1,6 +1,7 @@
 """LAS and LAZ through laspy, in chunks; scales, reference system and extra bytes are kept."""
 
 import copy
+import logging
 import struct
 from pathlib import Path
 from typing import BinaryIO
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.claims import open_bounded
 from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
+from mcpseg_cli.formats.las_texts import LasFile
 from mcpseg_cli.formats.laz_chunks import check_chunks
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.parts import CloudParts
@@ -44,6 +46,7 @@ _PANIC = "PanicException"  # of lazrs: no Exception, and of no module that can b
 _MOST_EXTRA = 65535 // 192  # extra bytes, which one record describes (LAS 1.4, table 24)
 _MOST_RECORD = 65535  # bytes of a point, and of a record of a header
 _CLASSES_RECORD = ("mcpseg", 1)
+_SILENT = logging.NullHandler()  # in place of stderr: what laspy cannot parse stays as it is
 
 
 def read_las(path: Path) -> Cloud:
@@ -60,8 +63,9 @@ def read_las(path: Path) -> Cloud:
     """
     # all points, in chunks
     _check_counts(path)
+    logging.getLogger("laspy").addHandler(_SILENT)
     try:
-        with laspy.open(open_bounded(path)) as reader:
+        with laspy.open(LasFile(open_bounded(path))) as reader:
             header = reader.header
             records = [record.array.copy() for record in reader.chunk_iterator(_CHUNK)]
     except BaseException as error:

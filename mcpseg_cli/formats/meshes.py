@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import zlib
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ _DAMAGE = (  # what trimesh raises for damaged files
     EOFError, MemoryError, NameError, StructError, AssertionError, SyntaxError, zlib.error,
 )  # fmt: skip
 _TOO_LARGE = "Image size"  # how Pillow's warning of pictures that lie begins
+_SILENT = logging.NullHandler()  # in place of stderr
 _LARGEST = 2048  # pixels of a texture
 
 
@@ -102,6 +104,7 @@ def read_mesh(path: Path) -> list[MeshPart]:
     """
     try:
         # corners that are no numbers are for the caller to refuse
+        logging.getLogger("trimesh").addHandler(_SILENT)
         with np.errstate(all="ignore"), catch_warnings(action="ignore"):
             filterwarnings("error", _TOO_LARGE)
             parts = [
