@@ -16,7 +16,6 @@ from mcpseg_cli.evaluate.prediction import read_prediction
 from mcpseg_cli.evaluate.truth import open_truth
 from mcpseg_cli.formats import Cloud, Labels, read_cloud, write_cloud
 from mcpseg_cli.formats.buildings import read_building
-from mcpseg_cli.formats.ifc import read_ifc
 from mcpseg_cli.formats.mesh_building import MeshOptions
 from mcpseg_cli.formats.s3dis import read_area, write_room
 from mcpseg_cli.networks.tensor_bundle import import_checkpoint
@@ -129,7 +128,7 @@ def _buildings(folder: Path) -> list[Sound]:
         found.append(sound_of(path, _read_labelled))
     found += _meshes(folder / "mesh")
     if importlib.util.find_spec("ifcopenshell") is not None:
-        found.append(sound_of(write_ifc(folder / "house.ifc"), _read_ifc))
+        found.append(sound_of(write_ifc(folder / "house.ifc"), _read_mesh))
     return found
 
 
@@ -142,10 +141,8 @@ def _read_labelled(path: Path) -> None:
         read()
 
 
-def _read_ifc(path: Path) -> None:
-    """Read it as it is, and as a building."""
-    read_ifc(path)
-    read_building(path, mesh=_MESH)
+def _read_mesh(path: Path) -> object:
+    return read_building(path, mesh=_MESH)
 
 
 def _meshes(folder: Path) -> list[Sound]:
@@ -158,15 +155,11 @@ def _meshes(folder: Path) -> list[Sound]:
         (folder / name).mkdir(parents=True)
         box.export(folder / name / inner)
 
-    def read(inner: str) -> object:
-        return lambda whole: read_building(whole / inner, mesh=_MESH)
-
-    found = []
-    for name, whole in (("gltf", "house.gltf"), ("obj", "house.obj")):
-        root = folder / name
-        inners = sorted(path.name for path in root.iterdir())
-        found += [sound_in(root, inner, read(whole)) for inner in inners]
-    return found
+    return [
+        sound_in(folder / name, one.name, lambda at, inner=inner: _read_mesh(at / inner))
+        for name, inner in (("gltf", "house.gltf"), ("obj", "house.obj"))
+        for one in sorted((folder / name).iterdir())
+    ]
 
 
 def _las(folder: Path) -> list[Sound]:

@@ -160,8 +160,9 @@ def _check_size(path: Path, corners: list[NDArray[np.float64]]) -> None:
 
 def _check_points(path: Path, corners: list[NDArray[np.float64]], spacing: float) -> None:
     """Refuse more points than memory holds."""
-    area = sum(float(_areas(part).sum()) for part in corners)
-    if area / spacing**2 > _MOST_POINTS:
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = sum(float(_areas(part).sum()) for part in corners)
+    if not area / spacing**2 <= _MOST_POINTS:
         found = f"{area:,.0f} square metres of surface"
         expected = f"at most {_MOST_POINTS * spacing**2:,.0f} at this --voxel-size"
         raise InputError(path, found, expected, "give a larger one, or a part of the building")

@@ -216,7 +216,9 @@ def read_depth(path: Path) -> NDArray[np.float64]:
         raise InputError(path, found, "depth of 16 bits in one channel", "export it again")
     with np.errstate(invalid="ignore"):  # NaN of any kind is no depth
         values: NDArray[np.float64] = depth.astype(np.float64)
-    return np.where(values == _INVALID, 0, values) if depth.dtype == np.uint16 else values
+    if depth.dtype == np.uint16:
+        return np.where(values == _INVALID, 0, values)
+    return np.where(np.isfinite(values), values, 0)
 
 
 def read_colour(path: Path) -> NDArray[np.uint8]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +115,6 @@ def _time_ns(path: Path, number: int, word: str) -> int:
         if not abs(seconds) < _LATEST_S:
             raise ValueError(word)
         return int(seconds * 1_000_000_000)
-    except (InvalidOperation, ValueError) as error:
+    except (ArithmeticError, ValueError) as error:
         found = f"{word[:40]!r} in line {number}"
         raise InputError(path, found, "a time in seconds", "mend the line") from error
