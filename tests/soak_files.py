@@ -31,7 +31,7 @@ from mcpseg_cli.raytrace.record import (
     record_text,
 )
 from mcpseg_cli.train.settings_file import read_settings
-from tests import containers, soak_folders, soak_prepared, soak_tables
+from tests import containers, soak_folders, soak_prepared, soak_runs, soak_tables
 from tests.recordings import write_recording, write_weights
 from tests.soak_sound import Sound, sound_of
 
@@ -55,8 +55,9 @@ def sound_files(folder: Path) -> list[Sound]:
     more = [
         sound_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))
     ]
-    more += [*soak_folders.recordings(folder / "folders")]
-    return [*clouds, *_others(folder, few), *more, *soak_prepared.prepared(folder / "prepared")]
+    more += soak_folders.recordings(folder / "folders")
+    more += [*soak_prepared.prepared(folder / "prepared"), *soak_runs.runs(folder / "runs")]
+    return [*clouds, *_others(folder, few), *more]
 
 
 def _few(cloud: Cloud) -> Cloud:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import zlib
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
@@ -102,24 +103,56 @@ def read_mesh(path: Path) -> list[MeshPart]:
         InputError: It cannot be read, or has no triangles.
         OSError: It cannot be opened.
     """
-    try:
-        # corners that are no numbers are for the caller to refuse
-        logging.getLogger("trimesh").addHandler(_SILENT)
-        with np.errstate(all="ignore"), catch_warnings(action="ignore"):
-            filterwarnings("error", _TOO_LARGE)
-            parts = [
-                part
-                for mesh, name, labels in _meshes_in(path)
-                if (part := _part(path, mesh, name, labels))
-            ]
-    except (*_DAMAGE, Warning, OSError) as error:
-        if isinstance(error, OSError) and error.filename is not None:  # no damage, but not there
-            raise
-        found, remedy = f"no mesh: {error}", "export it again, or as GLB"
-        raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
+    with told_of_damage(path, "export it again, or as GLB"):
+        parts = [
+            part
+            for mesh, name, labels in _meshes_in(path)
+            if (part := _part(path, mesh, name, labels))
+        ]
     if not parts:
         raise InputError(path, "no triangles", "a mesh", "export it with its faces")
     return sorted(parts, key=lambda part: (part.name, part.labels))
+
+
+@contextmanager
+def told_of_damage(path: Path, remedy: str) -> Iterator[None]:
+    """Have what trimesh raises for a damaged file be an error of one line, and it silent else.
+
+    Corners that are no numbers are for the caller to refuse.
+
+    Args:
+        path: The mesh.
+        remedy: What the user can do.
+
+    Raises:
+        InputError: It is damaged.
+        OSError: It, or what belongs to it, cannot be opened.
+    """
+    logging.getLogger("trimesh").addHandler(_SILENT)
+    try:
+        with np.errstate(all="ignore"), catch_warnings(action="ignore"):
+            filterwarnings("error", _TOO_LARGE)
+            yield
+    except (*_DAMAGE, Warning, OSError) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # no damage, but not there
+            raise
+        found = f"no mesh: {str(error) or type(error).__name__}"
+        raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
+
+
+def check_corners(path: Path, mesh: trimesh.Trimesh) -> None:
+    """Refuse a mesh whose faces have corners that it has not, or corners that are no x y z.
+
+    Raises:
+        InputError: Says which.
+    """
+    corners = np.asarray(mesh.faces)
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(mesh.vertices)):
+        found = f"faces of corners {corners.min()} to {corners.max()}"
+        raise InputError(path, found, f"0 to {len(mesh.vertices) - 1}", "export it again")
+    if np.asarray(mesh.vertices).shape[1:] != (3,):
+        found = f"vertices of shape {np.asarray(mesh.vertices).shape}"
+        raise InputError(path, found, "x y z of each", "export it again")
 
 
 def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]:
@@ -173,16 +206,10 @@ def _part(path: Path, mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...])
     """Return a mesh as a part; None without triangles."""
     from trimesh.visual import ColorVisuals
 
-    corners = np.asarray(mesh.faces)
-    if corners.size and not (corners.min() >= 0 and corners.max() < len(mesh.vertices)):
-        found = f"faces of corners {corners.min()} to {corners.max()}"
-        raise InputError(path, found, f"0 to {len(mesh.vertices) - 1}", "export it again")
+    check_corners(path, mesh)
     triangles = np.asarray(mesh.triangles, np.float64)
     if not len(triangles):
         return None
-    if triangles.shape[1:] != (3, 3):
-        found = f"triangles of shape {triangles.shape}"
-        raise InputError(path, found, "three corners of x y z", "export it again")
 
     # corners in their own colours, or in that of a material
     faces, visual = np.asarray(mesh.faces), mesh.visual
