@@ -105,9 +105,7 @@ def read_mesh(path: Path) -> list[MeshPart]:
     """
     with told_of_damage(path, "export it again, or as GLB"):
         parts = [
-            part
-            for mesh, name, labels in _meshes_in(path)
-            if (part := _part(path, mesh, name, labels))
+            part for mesh, name, labels in _meshes_in(path) if (part := _part(mesh, name, labels))
         ]
     if not parts:
         raise InputError(path, "no triangles", "a mesh", "export it with its faces")
@@ -140,19 +138,18 @@ def told_of_damage(path: Path, remedy: str) -> Iterator[None]:
         raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
 
 
-def check_corners(path: Path, mesh: trimesh.Trimesh) -> None:
+def check_corners(mesh: trimesh.Trimesh) -> None:
     """Refuse a mesh whose faces have corners that it has not, or corners that are no x y z.
 
     Raises:
-        InputError: Says which.
+        ValueError: Says which.
     """
-    corners = np.asarray(mesh.faces)
-    if corners.size and not (corners.min() >= 0 and corners.max() < len(mesh.vertices)):
-        found = f"faces of corners {corners.min()} to {corners.max()}"
-        raise InputError(path, found, f"0 to {len(mesh.vertices) - 1}", "export it again")
-    if np.asarray(mesh.vertices).shape[1:] != (3,):
-        found = f"vertices of shape {np.asarray(mesh.vertices).shape}"
-        raise InputError(path, found, "x y z of each", "export it again")
+    corners, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(vertices)):
+        last = len(vertices) - 1
+        raise ValueError(f"faces of corners {corners.min()} to {corners.max()}, not 0 to {last}")
+    if vertices.shape[1:] != (3,):
+        raise ValueError(f"vertices of shape {vertices.shape}, not x y z each")
 
 
 def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]:
@@ -202,11 +199,11 @@ def _names(
     return tuple(dict.fromkeys(str(name) for name in (node, geometry, material) if name))
 
 
-def _part(path: Path, mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
+def _part(mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
     """Return a mesh as a part; None without triangles."""
     from trimesh.visual import ColorVisuals
 
-    check_corners(path, mesh)
+    check_corners(mesh)
     triangles = np.asarray(mesh.triangles, np.float64)
     if not len(triangles):
         return None

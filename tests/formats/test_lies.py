@@ -353,7 +353,7 @@ def test_a_mesh_whose_faces_have_corners_that_are_not_there_is_refused(corner, t
     lines = text.splitlines()
     lines[-1] = " ".join([*lines[-1].split()[:3], str(corner)])
     (tmp_path / "a.ply").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=r"a\.ply: faces of corners "):
+    with pytest.raises(InputError, match=r"a\.ply: no mesh: faces of corners "):
         read_mesh(tmp_path / "a.ply")
 
 

@@ -69,7 +69,7 @@ def read_pieces(
     """
     path.open("rb").close()  # what cannot be opened says so itself
     with told_of_damage(path, _REMEDY):
-        pieces = [_piece_of(path, mesh, number) for number, mesh in enumerate(_meshes_in(path))]
+        pieces = [_piece_of(mesh, number) for number, mesh in enumerate(_meshes_in(path))]
     pieces = [piece for piece in pieces if len(piece.triangles) and piece.opacity > _CLEAR]
     if not pieces:
         raise InputError(path, "no triangles", "a mesh", _REMEDY)
@@ -112,9 +112,9 @@ def _meshes_in(path: Path) -> list[trimesh.Trimesh]:
     return [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
 
 
-def _piece_of(path: Path, mesh: trimesh.Trimesh, number: int) -> Piece:
+def _piece_of(mesh: trimesh.Trimesh, number: int) -> Piece:
     """Return a mesh as one piece, as it is in the file."""
-    check_corners(path, mesh)
+    check_corners(mesh)
     triangles = np.asarray(mesh.triangles, np.float64)
     material = getattr(mesh.visual, "material", None)
     picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
