@@ -67,8 +67,10 @@ def read_damaged(seed: int, files: list[Sound], folder: Path, report: Report, co
         count: How many to read.
     """
     rng = random.Random(seed)
+    turn: list[Sound] = []
     for number in range(count):
-        sound = rng.choice(files)
+        turn = turn or rng.sample(files, len(files))  # each kind in its turn
+        sound = turn.pop()
         path = folder / sound.name
         path.write_bytes(damage(sound.data, rng))
         if number % _COLLECTED == 0:  # what reads in circles is no memory of the next one

@@ -25,6 +25,7 @@ _DAMAGED: dict[str, tuple[str, ...]] = {
     "Stray Scanner": ("odometry.csv", "camera_matrix.csv", "confidence/000000.png",
                       "depth/000000.png"),
 }  # fmt: skip
+_LABELLED = ("TUM", "Record3D")
 _POSES = (
     "TUM by dates", "CSV in degrees", "CSV of matrices", "EuRoC", "ROS", "RTAB-Map", "NavVis",
     "4 x 4 in four lines", "Open3D", "Record3D", "CSV of a German spreadsheet", "quoted CSV",
@@ -47,12 +48,13 @@ def _depth_images(folder: Path) -> list[Sound]:
                 np.save(image.with_suffix(".npy"), np.asarray(Image.open(image)).astype("f4"))
                 image.unlink()
         found += [sound_in(root, inner, read_whole) for inner in inners]
-        found.append(_labelled(root, inners[0], folder))
+        if layout in _LABELLED:
+            found.append(_labelled(root, inners[0], folder))
     return found
 
 
 def _labelled(root: Path, inner: str, folder: Path) -> Sound:
-    """Have ``mcpseg segment`` read it."""
+    """Have ``mcpseg info`` and ``mcpseg segment`` read it."""
     output, whole = folder / "out", folder / f"{root.name}-labelled"
     shutil.copytree(root, whole)
     weights = folder / "weights.safetensors"
@@ -63,6 +65,7 @@ def _labelled(root: Path, inner: str, folder: Path) -> Sound:
 
     def label(one: Path) -> None:
         shutil.rmtree(output, ignore_errors=True)
+        obey("info", one, "--json")
         obey("segment", one, "-o", output, "-w", weights, "-q", "--no-check")
 
     return sound_in(whole, inner, label)
