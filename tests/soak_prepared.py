@@ -31,6 +31,7 @@ from tests.soak_sound import Sound, sound_in, sound_of
 
 SAMPLES = SampleSettings(seen_again=10, num_context=8)
 WINDOWS = SampleSettings(seen_again=10, num_context=0)
+_COLOURS = {"shares": ("red", "green", "blue"), "splats": ("f_dc_0", "f_dc_1", "f_dc_2")}
 _MESH = MeshOptions(up="z", scale=1.0, voxel_size=10.0)
 
 
@@ -126,6 +127,11 @@ def _buildings(folder: Path) -> list[Sound]:
         path = folder / f"labelled{suffix}"
         write_cloud(path, Cloud(columns, ("floor", "wall")))
         found.append(sound_of(path, _read_labelled))
+    for kind, names in _COLOURS.items():
+        path = folder / f"{kind}.ply"
+        shades = {name: rng.random(30).astype("f4") for name in names}
+        write_cloud(path, Cloud({axis: columns[axis] for axis in "xyz"} | shades))
+        found.append(sound_of(path, lambda one: read_cloud(one).colour(None, one)))
     found += _meshes(folder / "mesh")
     if importlib.util.find_spec("ifcopenshell") is not None:
         found.append(sound_of(write_ifc(folder / "house.ifc"), _read_mesh))
