@@ -1,7 +1,6 @@
 """LAS and LAZ through laspy, in chunks; scales, reference system and extra bytes are kept."""
 
 import copy
-import logging
 import struct
 from pathlib import Path
 from typing import BinaryIO
@@ -46,7 +45,6 @@ _PANIC = "PanicException"  # of lazrs: no Exception, and of no module that can b
 _MOST_EXTRA = 65535 // 192  # extra bytes, which one record describes (LAS 1.4, table 24)
 _MOST_RECORD = 65535  # bytes of a point, and of a record of a header
 _CLASSES_RECORD = ("mcpseg", 1)
-_SILENT = logging.NullHandler()  # in place of stderr: what laspy cannot parse stays as it is
 
 
 def read_las(path: Path) -> Cloud:
@@ -63,7 +61,6 @@ def read_las(path: Path) -> Cloud:
     """
     # all points, in chunks
     _check_counts(path)
-    logging.getLogger("laspy").addHandler(_SILENT)
     try:
         with laspy.open(LasFile(open_bounded(path))) as reader:
             header = reader.header
