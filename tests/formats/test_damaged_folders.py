@@ -112,6 +112,15 @@ def test_a_matrix_of_a_log_that_no_numbers_precede_is_refused(head, tmp_path):
         read_poses(path)
 
 
+@pytest.mark.parametrize("number", ["1e300", "nan", "inf", "9007199254740993"])
+def test_a_log_whose_numbers_count_nothing_gives_poses_without_ids(number, tmp_path):
+    block = ["1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1"]
+    path = tmp_path / "poses.log"
+    path.write_text("\n".join(["0 0 1", *block, f"{number} 1 2", *block]) + "\n")
+    poses = read_poses(path)
+    assert (len(poses), poses.ids) == (2, None)
+
+
 # --- bags ---
 
 

@@ -26,6 +26,7 @@ from mcpseg_cli.formats.poses import Poses
 
 _TEXTS = (".txt", ".pose", ".csv", ".mat", ".dat", ".tfm", ".tf", "")
 _LAST = (0.0, 0.0, 0.0, 1.0)
+_MOST_COUNTED = 2.0**53  # what is larger counts nothing
 _OPEN3D = "Open3D log, 4 x 4 matrices"
 
 
@@ -68,7 +69,8 @@ def read_blocks(path: Path, data: list[tuple[int, str]]) -> Poses:
 
     # a number that counts the scans, unless it counts something else
     whole = np.array(ids)
-    is_count = has_head and np.isfinite(whole).all() and len(np.unique(whole)) == len(whole)
+    is_count = has_head and (np.abs(whole) < _MOST_COUNTED).all()
+    is_count = is_count and len(np.unique(whole)) == len(whole)
     return Poses(poses, ids=whole.astype(np.int64) if is_count else None, lost=lost, columns=told)
 
 
