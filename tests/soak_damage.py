@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import re
 import resource
 import shutil
 import signal
+import stat
 import time
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,11 +21,13 @@ from tests.forks import Asked
 from tests.soak_report import MOST_MB, MOST_S, Report
 
 if TYPE_CHECKING:
-    from tests.soak_files import Sound
+    from tests.soak_sound import Sound
 
 FILES_A_ROUND = 2500
 _ENDLESS_S = 60  # to wait for a reader
 _ROUND_S = 900.0
+_COLLECTED = 50  # files between two searches for circles
+_PANIC = "panicked at"  # what Rust says of LAZ, see docs/trust.md
 LIES = (0, 1, 0x7FFF, 0xFFFF, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1, (1 << 64) - 1)
 WORDS = (b"-1", b"0", b"1e999", b"nan", b"9" * 20, b"9" * 400, b"9" * 5000, b"[[[[", b"\xff\xfe")
 
@@ -62,22 +67,28 @@ def read_damaged(seed: int, files: list[Sound], folder: Path, report: Report, co
         count: How many to read.
     """
     rng = random.Random(seed)
+    turn: list[Sound] = []
     for number in range(count):
-        sound = rng.choice(files)
+        turn = turn or rng.sample(files, len(files))  # each kind in its turn
+        sound = turn.pop()
         path = folder / sound.name
         path.write_bytes(damage(sound.data, rng))
+        if number % _COLLECTED == 0:  # what reads in circles is no memory of the next one
+            gc.collect()
         place = f"seed {seed}, file {number}, {sound.name}"
         (folder / "at").write_text(place)
 
         # one that never comes back ends this process
         signal.alarm(_ENDLESS_S)
         _forget_peak()
-        before, began = _status_mb("VmRSS"), time.monotonic()
+        before, began, said = _status_mb("VmRSS"), time.monotonic(), _num_said()
         _read(path, sound, place, report)
         seconds, memory = time.monotonic() - began, _status_mb("VmHWM") - before
         signal.alarm(0)
         path.unlink()
 
+        if (line := _said_since(said)) and _PANIC not in line:
+            report.found(f"{place}: says {line[-300:]!r}")
         if seconds > MOST_S or memory > MOST_MB:
             report.found(f"{place}: {seconds:.0f} s, {memory:,.0f} MB more")
         if seconds > report.slowest_s:
@@ -102,6 +113,21 @@ def _read(path: Path, sound: Sound, place: str, report: Report) -> None:
             raise
         except BaseException as error:  # panics of Rust are no Exception
             report.found(f"{place}: {type(error).__name__}: {str(error)[:300]}")
+
+
+def _num_said() -> int:
+    """Return how many bytes stderr has, where it is a file."""
+    status = os.fstat(2)
+    return status.st_size if stat.S_ISREG(status.st_mode) else 0
+
+
+def _said_since(start: int) -> str:
+    """Return what libraries wrote to stderr past us; nothing where it is no file."""
+    count = _num_said() - start
+    with suppress(OSError), open("/proc/self/fd/2", "rb") as file:  # noqa: PTH123
+        file.seek(start)
+        return file.read(max(0, count)).decode(errors="replace")
+    return ""
 
 
 def _status_mb(name: str) -> float:

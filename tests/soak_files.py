@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -32,25 +31,11 @@ from mcpseg_cli.raytrace.record import (
     record_text,
 )
 from mcpseg_cli.train.settings_file import read_settings
-from tests import containers, soak_tables
+from tests import containers, soak_folders, soak_prepared, soak_runs, soak_tables
 from tests.recordings import write_recording, write_weights
+from tests.soak_sound import Sound, sound_of
 
 NUM_POINTS = 40  # of a cloud to damage: a header is a good part of its file
-
-
-@dataclass(frozen=True)
-class Sound:
-    """A sound file and what reads it.
-
-    Attributes:
-        name: What it is to be called; its ending says which reader it is for.
-        data: What is in it.
-        read: Reads it at another place.
-    """
-
-    name: str
-    data: bytes
-    read: Callable[[Path], object]
 
 
 def sound_files(folder: Path) -> list[Sound]:
@@ -61,22 +46,22 @@ def sound_files(folder: Path) -> list[Sound]:
     clouds = []
     for suffix in CLOUD_SUFFIXES:
         write_cloud(folder / f"cloud{suffix}", few)
-        clouds.append(_of(folder / f"cloud{suffix}", read_cloud))
+        clouds.append(sound_of(folder / f"cloud{suffix}", read_cloud))
     numbers = np.column_stack([few.xyz, np.ones(NUM_POINTS)]).astype("<f4")
     (folder / "sweep.bin").write_bytes(numbers.tobytes())
     np.savetxt(folder / "cloud.xyz", numbers[:, :3])
-    clouds += [_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
+    clouds += [sound_of(folder / name, read_cloud) for name in ("sweep.bin", "cloud.xyz")]
     clouds += [*_poses(folder, poses), *_recordings(folder), *_meshes(folder)]
-    more = [_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))]
+    more = [
+        sound_of(path, read) for path, read in soak_tables.tables(folder / "more", (scans, poses))
+    ]
+    more += soak_folders.recordings(folder / "folders")
+    more += [*soak_prepared.prepared(folder / "prepared"), *soak_runs.runs(folder / "runs")]
     return [*clouds, *_others(folder, few), *more]
 
 
 def _few(cloud: Cloud) -> Cloud:
     return Cloud({name: column[:NUM_POINTS] for name, column in cloud.columns.items()})
-
-
-def _of(path: Path, read: Callable[[Path], object]) -> Sound:
-    return Sound(path.name, path.read_bytes(), read)
 
 
 def _poses(folder: Path, poses: Path) -> list[Sound]:
@@ -88,7 +73,7 @@ def _poses(folder: Path, poses: Path) -> list[Sound]:
     frames = [{"file_path": f"{n}", "transform_matrix": m.tolist()} for n, m in enumerate(matrices)]
     (folder / "poses.json").write_text(json.dumps({"frames": frames[:3]}))
     names = ("poses.tum", "poses.npy", "poses.json")
-    return [_of(poses, read_poses), *(_of(folder / name, read_poses) for name in names)]
+    return [sound_of(poses, read_poses), *(sound_of(folder / name, read_poses) for name in names)]
 
 
 def _recordings(folder: Path) -> list[Sound]:
@@ -106,12 +91,12 @@ def _recordings(folder: Path) -> list[Sound]:
         containers.write_mcap(folder / "walk.mcap", messages),
     ]
     database = next(containers.write_ros2_bag(folder / "ros2", messages).glob("*.db3"))
-    bags = [_of(path, _read_recording) for path in (*paths, database)]
+    bags = [sound_of(path, _read_recording) for path in (*paths, database)]
     stations = [
         containers.write_e57(folder / "site.e57", walk),
         containers.write_ptx(folder / "site.ptx", walk),
     ]
-    return [*bags, *(_of(path, _read_stations) for path in stations)]
+    return [*bags, *(sound_of(path, _read_stations) for path in stations)]
 
 
 def _read_recording(path: Path) -> None:
@@ -151,7 +136,7 @@ def _others(folder: Path, few: Cloud) -> list[Sound]:
         "classes.json": read_class_table, "settings.toml": read_settings,
         "raytrace.json": _read_record,
     }  # fmt: skip
-    return [_of(folder / name, read) for name, read in readers.items()]
+    return [sound_of(folder / name, read) for name, read in readers.items()]
 
 
 def _meshes(folder: Path) -> list[Sound]:
@@ -161,7 +146,7 @@ def _meshes(folder: Path) -> list[Sound]:
     for path in paths:
         box.export(path)
     weights = write_weights(folder / "mcpnet.safetensors", "mcpnet")
-    return [*(_of(path, read_mesh) for path in paths), _of(weights, load_weights)]
+    return [*(sound_of(path, read_mesh) for path in paths), sound_of(weights, load_weights)]
 
 
 def _record() -> FinishedRecord:

@@ -41,6 +41,7 @@ class Colour:
     unit: ColourUnit | None = None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is no number of any kind is grey
 def find_colour(columns: Mapping[str, NDArray[np.generic]]) -> Colour | None:
     """Find the colours among the attributes of a cloud.
 
@@ -55,6 +56,7 @@ def find_colour(columns: Mapping[str, NDArray[np.generic]]) -> Colour | None:
     return _in_channels(columns) or _in_array(columns) or _of_splats(columns)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is no number of any kind is grey
 def decide_unit(seen: Sequence[NDArray[np.generic]]) -> ColourUnit | None:
     """Tell what unit the colours of a recording are in, by those of several scans together.
 
@@ -95,6 +97,7 @@ def contradiction(values: NDArray[np.generic], unit: ColourUnit) -> float | None
     return usual if usual > most else None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is no number of any kind is grey
 def as_bytes(values: NDArray[np.generic], unit: ColourUnit | None) -> NDArray[np.uint8]:
     """Scale colours to 0-255.
 

@@ -91,7 +91,7 @@ def confidence_column(cloud: Cloud, source: Path) -> NDArray[np.float64] | None:
     if column is None:
         return None
     is_number = column.ndim == 1 and column.dtype.kind in "iufb"
-    if not is_number or not np.isfinite(column.astype(np.float64)).all():
+    if not is_number or not np.isfinite(column).all():
         raise InputError(source, "confidence that is no number", "a number for each point", _REMEDY)
     return column.astype(np.float64)
 

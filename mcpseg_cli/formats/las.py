@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats.claims import open_bounded
 from mcpseg_cli.formats.cloud import LABEL_NAMES, Cloud, scalar_columns
+from mcpseg_cli.formats.las_texts import LasFile
 from mcpseg_cli.formats.laz_chunks import check_chunks
 from mcpseg_cli.formats.magic import recognise
 from mcpseg_cli.formats.parts import CloudParts
@@ -61,7 +62,7 @@ def read_las(path: Path) -> Cloud:
     # all points, in chunks
     _check_counts(path)
     try:
-        with laspy.open(open_bounded(path)) as reader:
+        with laspy.open(LasFile(open_bounded(path))) as reader:
             header = reader.header
             records = [record.array.copy() for record in reader.chunk_iterator(_CHUNK)]
     except BaseException as error:

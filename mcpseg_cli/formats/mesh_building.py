@@ -20,7 +20,8 @@ from mcpseg_cli.formats.meshes import MeshPart, read_mesh
 _UP: dict[str, MeshUpAxis] = {".glb": "y", ".gltf": "y", ".ifc": "z"}  # formats that say it
 _TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # (x, y, z) to (x, -z, y)
 _HEIGHTS = (1.8, 500.0)  # metres; no building is lower or higher
-_MOST_POINTS = 200_000_000
+_MOST_POINTS = 80_000_000  # of 20 bytes
+_BLOCK = 1 << 18  # points placed at once
 _STEP = np.array([0.7548776662466927, 0.5698402909980532])  # of R2, a sequence without gaps
 _MOST_NAMED = 6  # objects of a notice
 
@@ -90,7 +91,8 @@ def read_mesh_building(path: Path, options: MeshOptions) -> tuple[Building, tupl
 
     # upright, in metres
     turn = (_TO_Z if up == "y" else np.eye(3)) * (options.scale or 1.0)
-    corners = [part.triangles @ turn.T for part in parts]
+    with np.errstate(over="ignore", invalid="ignore"):  # corners that are no numbers: see below
+        corners = [part.triangles @ turn.T for part in parts]
     _check_size(path, corners)
 
     # objects and their classes
@@ -158,8 +160,9 @@ def _check_size(path: Path, corners: list[NDArray[np.float64]]) -> None:
 
 def _check_points(path: Path, corners: list[NDArray[np.float64]], spacing: float) -> None:
     """Refuse more points than memory holds."""
-    area = sum(float(_areas(part).sum()) for part in corners)
-    if area / spacing**2 > _MOST_POINTS:
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = sum(float(_areas(part).sum()) for part in corners)
+    if not area / spacing**2 <= _MOST_POINTS:
         found = f"{area:,.0f} square metres of surface"
         expected = f"at most {_MOST_POINTS * spacing**2:,.0f} at this --voxel-size"
         raise InputError(path, found, expected, "give a larger one, or a part of the building")
@@ -182,42 +185,67 @@ def _sampled(
     names: tuple[str, ...],
 ) -> Building:
     """Lay points on all parts."""
+    # how many on each triangle, then where they are
     rng = np.random.default_rng(0)
-    xyz, rgb, first, start = [], [], [], 0
-    sizes = []
-    for part, triangles in zip(parts, corners, strict=True):
-        row, weight = _spread(triangles, spacing, rng)
-        xyz.append(np.einsum("nk,nkc->nc", weight, triangles[row]).astype(np.float32))
-        rgb.append(part.paint(row, weight))
-        first.append(start + np.searchsorted(row, np.arange(len(triangles))))
-        sizes.append(len(row))
-        start += len(row)
+    drawn = [_draw(triangles, spacing, rng) for triangles in corners]
+    sizes = [int(count.sum()) for count, _ in drawn]
+    xyz, rgb = np.empty((sum(sizes), 3), np.float32), np.empty((sum(sizes), 3), np.uint8)
+    start = 0
+    for part, triangles, (count, corner), size in zip(parts, corners, drawn, sizes, strict=True):
+        for first in range(0, size, _BLOCK):
+            row, weight = _spread(count, corner, first, min(first + _BLOCK, size))
+            rows = slice(start + first, start + first + len(row))
+            xyz[rows] = np.einsum("nk,nkc->nc", weight, triangles[row]).astype(np.float32)
+            rgb[rows] = part.paint(row, weight)
+        start += size
 
-    mesh = Mesh(np.concatenate(corners).astype(np.float32), np.concatenate(first))
+    counts = np.concatenate([count for count, _ in drawn])
+    mesh = Mesh(np.concatenate(corners).astype(np.float32), np.cumsum(counts) - counts)
     return Building(
-        np.concatenate(xyz),
-        np.concatenate(rgb),
-        np.repeat(semantic, sizes).astype(np.uint8),
-        np.repeat(instance, sizes).astype(np.int32),
+        xyz,
+        rgb,
+        np.repeat(np.array(semantic, np.uint8), sizes),
+        np.repeat(np.array(instance, np.int32), sizes),
         classes,
         object_names=names,
         mesh=mesh,
     )
 
 
-def _spread(
+def _draw(
     triangles: NDArray[np.float64], spacing: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose points on triangles: the row (N,) of each, ascending, and its (N, 3) weights."""
+    """Draw how many points each triangle gets, (T,), and where its first one is, (T, 2)."""
     expected = _areas(triangles) / spacing**2
     count = np.maximum(np.floor(expected + rng.random(len(expected))).astype(np.int64), 1)
-    row = np.repeat(np.arange(len(triangles)), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    return count, rng.random((len(triangles), 2))
+
+
+def _spread(
+    count: NDArray[np.int64], corner: NDArray[np.float64], first: int, last: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Place points on triangles, see ``_draw``.
+
+    Args:
+        count: (T,) int64 points of each triangle.
+        corner: (T, 2) float64 place of its first one, in a square.
+        first: The first of all points to place.
+        last: The one behind the last.
+
+    Returns:
+        The triangle (N,) of each, ascending, and its (N, 3) weights.
+    """
+    ends = np.cumsum(count)
+    points = np.arange(first, last)
+    row = np.searchsorted(ends, points, side="right")
+    place = points - (ends - count)[row]
 
     # evenly in a square, of which one half is folded onto the other
-    square = (rng.random((len(triangles), 2))[row] + place[:, None] * _STEP) % 1.0
-    square = np.where(square.sum(axis=1, keepdims=True) > 1.0, 1.0 - square, square)
-    return row, np.column_stack([1.0 - square.sum(axis=1), square])
+    square = corner[row] + place[:, None] * _STEP
+    square -= np.floor(square)
+    folded = square[:, 0] + square[:, 1] > 1.0
+    square[folded] = 1.0 - square[folded]
+    return row, np.column_stack([1.0 - (square[:, 0] + square[:, 1]), square])
 
 
 def _notices(unknown: Sequence[str]) -> list[str]:

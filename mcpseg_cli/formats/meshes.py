@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import logging
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +28,10 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".ifc")
 _NEEDS = "needs trimesh; expected it installed; run: pip install 'mcpseg[models]'"
 _DAMAGE = (  # what trimesh raises for damaged files
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, NotImplementedError,
-    EOFError, MemoryError, NameError, StructError, AssertionError,
+    EOFError, MemoryError, NameError, StructError, AssertionError, SyntaxError, zlib.error,
 )  # fmt: skip
+_TOO_LARGE = "Image size"  # how Pillow's warning of pictures that lie begins
+_SILENT = logging.NullHandler()  # in place of stderr
 _LARGEST = 2048  # pixels of a texture
 
 
@@ -97,18 +103,53 @@ def read_mesh(path: Path) -> list[MeshPart]:
         InputError: It cannot be read, or has no triangles.
         OSError: It cannot be opened.
     """
-    try:
+    with told_of_damage(path, "export it again, or as GLB"):
         parts = [
-            part
-            for mesh, name, labels in _meshes_in(path)
-            if (part := _part(path, mesh, name, labels))
+            part for mesh, name, labels in _meshes_in(path) if (part := _part(mesh, name, labels))
         ]
-    except _DAMAGE as error:
-        found, remedy = f"no mesh: {error}", "export it again, or as GLB"
-        raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
     if not parts:
         raise InputError(path, "no triangles", "a mesh", "export it with its faces")
     return sorted(parts, key=lambda part: (part.name, part.labels))
+
+
+@contextmanager
+def told_of_damage(path: Path, remedy: str) -> Iterator[None]:
+    """Have what trimesh raises for a damaged file be an error of one line, and it silent else.
+
+    Corners that are no numbers are for the caller to refuse.
+
+    Args:
+        path: The mesh.
+        remedy: What the user can do.
+
+    Raises:
+        InputError: It is damaged.
+        OSError: It, or what belongs to it, cannot be opened.
+    """
+    logging.getLogger("trimesh").addHandler(_SILENT)
+    try:
+        with np.errstate(all="ignore"), catch_warnings(action="ignore"):
+            filterwarnings("error", _TOO_LARGE)
+            yield
+    except (*_DAMAGE, Warning, OSError) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # no damage, but not there
+            raise
+        found = f"no mesh: {str(error) or type(error).__name__}"
+        raise InputError(path, found, "GLB, OBJ, PLY or STL", remedy) from error
+
+
+def check_corners(mesh: trimesh.Trimesh) -> None:
+    """Refuse a mesh whose faces have corners that it has not, or corners that are no x y z.
+
+    Raises:
+        ValueError: Says which.
+    """
+    corners, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
+    if corners.size and not (corners.min() >= 0 and corners.max() < len(vertices)):
+        last = len(vertices) - 1
+        raise ValueError(f"faces of corners {corners.min()} to {corners.max()}, not 0 to {last}")
+    if vertices.shape[1:] != (3,):
+        raise ValueError(f"vertices of shape {vertices.shape}, not x y z each")
 
 
 def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]:
@@ -135,8 +176,10 @@ def _meshes_in(path: Path) -> list[tuple[trimesh.Trimesh, str, tuple[str, ...]]]
         mesh = scene.geometry[geometry]
         if not isinstance(mesh, trimesh.Trimesh):
             continue
-        mesh = mesh.copy()
+        visual = mesh.visual
+        mesh = mesh.copy(include_visual=False)  # a copy of its pictures would be no use
         mesh.apply_transform(place)
+        mesh.visual = visual
         own = objects.get(str(geometry))
         names = own or _names(scene, str(node), str(geometry), mesh, path)
         found.append((mesh, names[0], names))
@@ -156,14 +199,11 @@ def _names(
     return tuple(dict.fromkeys(str(name) for name in (node, geometry, material) if name))
 
 
-def _part(path: Path, mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
+def _part(mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart | None:
     """Return a mesh as a part; None without triangles."""
     from trimesh.visual import ColorVisuals
 
-    corners = np.asarray(mesh.faces)
-    if corners.size and not (corners.min() >= 0 and corners.max() < len(mesh.vertices)):
-        found = f"faces of corners {corners.min()} to {corners.max()}"
-        raise InputError(path, found, f"0 to {len(mesh.vertices) - 1}", "export it again")
+    check_corners(mesh)
     triangles = np.asarray(mesh.triangles, np.float64)
     if not len(triangles):
         return None

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud
 from mcpseg_cli.formats.colours import as_bytes, decide_unit, find_colour
+from mcpseg_cli.scan import GREY
 
 RGB = np.array([[0, 10, 20], [128, 129, 130], [255, 254, 253]], np.uint8)
 PACKED = (RGB.astype(np.uint32) << np.array([16, 8, 0], np.uint32)).sum(axis=1).astype(np.uint32)
@@ -125,3 +126,18 @@ def test_arrays_of_coordinates_under_other_names_are_read(tmp_path):
         cloud = read_cloud(tmp_path / "a.npz")
         np.testing.assert_array_equal(cloud.xyz, xyz)
         np.testing.assert_array_equal(cloud.rgb, RGB)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("names", [("red", "green", "blue"), ("f_dc_0", "f_dc_1", "f_dc_2")])
+@pytest.mark.parametrize("bits", [0x7FA00000, 0x7FC00000])
+def test_colours_that_are_no_number_of_any_kind_are_grey(bits, names):
+    shares = np.full((3, 3), 0.25, np.float32)
+    shares.view(np.uint32)[1, 2] = bits
+    columns = {name: shares[:, place] for place, name in enumerate(names)}
+    cloud = Cloud({axis: np.zeros(3) for axis in "xyz"} | columns)
+    rgb = cloud.colour(None, Path("a.ply"))
+    assert (rgb[1] == GREY).all()
+    assert (rgb[0] == rgb[2]).all()
+    wide = Cloud({axis: np.zeros(3) for axis in "xyz"} | {n: np.full(3, 1e308) for n in names})
+    assert wide.colour(None, Path("a.ply")).shape == (3, 3)

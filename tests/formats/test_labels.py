@@ -7,7 +7,7 @@ import pytest
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats import Cloud, read_cloud, write_cloud
-from mcpseg_cli.formats.labels import LabelFields, point_labels
+from mcpseg_cli.formats.labels import LabelFields, confidence_column, point_labels
 
 SOURCE = Path("a.ply")
 TABLE = ("floor", "wall")
@@ -103,3 +103,12 @@ def test_classifications_of_the_las_standard_are_no_classes(tmp_path):
     assert given[0].tolist() == [2, 6]
     las.columns["classification"] = np.array([64, 66], np.uint8)
     assert point_labels(las, SOURCE)[0].tolist() == [0, 2]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bits", [0x7FA00000, 0x7FC00000, 0x7F800000])
+def test_confidence_that_is_no_number_of_any_kind_is_refused(bits):
+    columns = {axis: np.zeros(3) for axis in "xyz"}
+    confidence = np.array([0, bits, 0], np.uint32).view(np.float32)
+    with pytest.raises(InputError, match="confidence that is no number"):
+        confidence_column(Cloud(columns | {"confidence": confidence}), Path("map.ply"))

@@ -353,7 +353,7 @@ def test_a_mesh_whose_faces_have_corners_that_are_not_there_is_refused(corner, t
     lines = text.splitlines()
     lines[-1] = " ".join([*lines[-1].split()[:3], str(corner)])
     (tmp_path / "a.ply").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=r"a\.ply: faces of corners "):
+    with pytest.raises(InputError, match=r"a\.ply: no mesh: faces of corners "):
         read_mesh(tmp_path / "a.ply")
 
 
@@ -418,3 +418,13 @@ def test_no_library_asks_for_more_than_a_file_has(tmp_path, monkeypatch, name, w
         read(tmp_path / name)
     assert max(size for size, _ in asked) > 1 << 30
     assert max(found for _, found in asked) < 1 << 20
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bits", [0x7FF4000000000000, 0x7FF8000000000000, 0x7FF0000000000000])
+def test_polar_coordinates_that_are_no_number_of_any_kind_are_no_points(tmp_path, bits):
+    known = {name: np.full(3, 0.5) for name in e57_stations._SPHERICAL}
+    for place, column in enumerate(known.values()):
+        column.view(np.uint64)[place] = bits
+    cloud = e57_stations._as_cloud(tmp_path / "a.e57", known, None)
+    assert not np.isfinite([cloud[axis] for axis in "xyz"]).all(axis=0).any()

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcpseg_cli.classes import S3DIS_CLASSES, UNKNOWN
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.buildings import read_building
-from mcpseg_cli.formats.mesh_building import MeshOptions, _spread, class_of
+from mcpseg_cli.formats.mesh_building import MeshOptions, _draw, _spread, class_of
 from mcpseg_cli.formats.meshes import is_mesh, read_mesh
 from tests.houses import BOXES, CLASSES, colour_of, meshes, write_glb, write_obj
 
@@ -206,7 +206,8 @@ def test_a_table_is_the_class_table_of_the_building(tmp_path):
 def test_points_lie_on_their_triangles_and_are_as_many_as_their_area_asks_for(seed, spacing):
     rng = np.random.default_rng(seed)
     triangles = rng.uniform(-2, 2, (20, 3, 3))
-    row, weight = _spread(triangles, spacing, rng)
+    drawn = _draw(triangles, spacing, rng)
+    row, weight = _spread(*drawn, 0, int(drawn[0].sum()))
     assert (np.diff(row) >= 0).all()
     assert (np.unique(row) == np.arange(20)).all()
     assert (weight >= -1e-12).all()

@@ -58,6 +58,31 @@ def test_a_las_record_of_an_owner_that_is_no_ascii_is_written(tmp_path) -> None:
     assert b"kept" in [vlr.record_data_bytes() for vlr in laspy.read(tmp_path / "b.las").vlrs]
 
 
+NAMES = {"latin-1": "öhen".encode("latin-1"), "utf-8": "öhe".encode(), "ascii": b"ohen"}
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize("encoding", NAMES)
+def test_names_and_owners_of_records_in_any_encoding_are_read_and_written(
+    encoding, suffix, tmp_path
+) -> None:
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.add_extra_dim(laspy.ExtraBytesParams("h????", "u2", "H????"))
+    header.vlrs.append(laspy.VLR("own????", 42, "note", b"kept"))
+    header.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("far????", 43, "note", b"kept too")])
+    file = laspy.LasData(header)
+    file.x = file.y = file.z = np.arange(3.0)
+    file["h????"] = np.arange(3)
+    path = tmp_path / f"a{suffix}"
+    file.write(path)
+    path.write_bytes(path.read_bytes().replace(b"????", NAMES[encoding]))
+    again = write_labelled(path, tmp_path / f"b{suffix}")
+    name = "h" + NAMES[encoding].decode(encoding)
+    np.testing.assert_array_equal(again.columns[name], [0, 1, 2])
+    written = laspy.read(tmp_path / f"b{suffix}")
+    assert b"kept" in [vlr.record_data_bytes() for vlr in written.vlrs]
+
+
 @pytest.mark.parametrize("scale", [-0.001, 0.0, 5e-324, 1e-300, 1e300])
 def test_a_las_of_odd_scales_is_written_and_read_again(scale, tmp_path) -> None:
     path = write_las(tmp_path / "a.las", SCALES, struct.pack("<3d", *[scale] * 3))

@@ -218,3 +218,19 @@ def test_what_a_model_stands_for_has_to_be_known(tmp_path):
     write_table(tmp_path, [row("unit.obj", "chair", "throne", (1, 1, 1))])
     with pytest.raises(InputError, match="stands for 'throne'; expected one of armchair"):
         plan_building(1, 0, 2, models=read_models(tmp_path))
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "v 0 0 1e300\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+        "v 0 0 0\nf 1 1\n", "v a b c\nf 1 1 1\n", "",
+    ],
+)  # fmt: skip
+def test_a_damaged_model_is_refused_in_one_line(text, tmp_path):
+    path = tmp_path / "chair.obj"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"chair\.obj: .*; expected .*; take its class out"):
+        read_pieces(path, (), (0.5, 0.5, 0.9))

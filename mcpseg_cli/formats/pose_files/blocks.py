@@ -26,6 +26,7 @@ from mcpseg_cli.formats.poses import Poses
 
 _TEXTS = (".txt", ".pose", ".csv", ".mat", ".dat", ".tfm", ".tf", "")
 _LAST = (0.0, 0.0, 0.0, 1.0)
+_MOST_COUNTED = 2.0**53  # what is larger counts nothing
 _OPEN3D = "Open3D log, 4 x 4 matrices"
 
 
@@ -58,13 +59,18 @@ def read_blocks(path: Path, data: list[tuple[int, str]]) -> Poses:
         block = data[first : first + height]
         rows.append(_matrix(path, block[has_head:]))
         numbers.append(block[0][0])
-        ids.append(_numbers(block[0][1])[0])
+        head = _numbers(block[0][1])
+        if not head:
+            found = f"{block[0][1].strip()[:40]!r} in line {block[0][0]}"
+            raise InputError(path, found, "numbers", "copy the file again")
+        ids.append(head[0])
     poses, lost = _poses(path, numbers, rows)
     told = _OPEN3D if has_head else "4 x 4 matrices, one after another"
 
     # a number that counts the scans, unless it counts something else
     whole = np.array(ids)
-    is_count = has_head and np.isfinite(whole).all() and len(np.unique(whole)) == len(whole)
+    is_count = has_head and (np.abs(whole) < _MOST_COUNTED).all()
+    is_count = is_count and len(np.unique(whole)) == len(whole)
     return Poses(poses, ids=whole.astype(np.int64) if is_count else None, lost=lost, columns=told)
 
 

@@ -109,7 +109,11 @@ class Colours:
         self._places: list[tuple[int, Place]] = []
 
     def _first(self, name: str) -> ros.Image:
-        return cast(ros.Image, self._bag.decode(next(iter(self._bag.messages([name])))))
+        raw = next(iter(self._bag.messages([name])), None)
+        if raw is None:
+            found = f"no message on {name}"
+            raise InputError(self._path, found, "those it promises", "record it again")
+        return cast(ros.Image, self._bag.decode(raw))
 
     def add(self, raw: RawMessage) -> None:
         """Take note of a message, if it is a colour image."""

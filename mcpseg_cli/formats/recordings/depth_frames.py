@@ -32,6 +32,7 @@ _DAMAGE = (  # what Pillow raises for damaged files
     OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, StructError,
     ArithmeticError, zlib.error,
 )  # fmt: skip
+_FOCAL = (0.01, 1000.0)  # of the size of an image, between which a focal length lies
 _CENTRAL = (0.25, 0.75)  # shares of an image between which its principal point lies
 
 
@@ -187,6 +188,10 @@ def _colours_at(
 def _check_camera(path: Path, camera: Camera, image: NDArray[np.generic]) -> None:
     """Refuse intrinsics of images of another size: their principal point is near the middle."""
     height, width = image.shape[:2]
+    focal = (camera.fx / max(width, 1), camera.fy / max(height, 1))
+    if not all(_FOCAL[0] < share < _FOCAL[1] for share in focal):
+        found = f"a focal length of {camera.fx:g}, {camera.fy:g} in an image of {_size(image)}"
+        raise InputError(path, found, "pixels", "mend the intrinsics")
     low, high = _CENTRAL
     if not (low * width < camera.cx < high * width and low * height < camera.cy < high * height):
         found = f"a principal point at {camera.cx:g}, {camera.cy:g} in an image of {_size(image)}"
@@ -209,8 +214,11 @@ def read_depth(path: Path) -> NDArray[np.float64]:
     if depth.ndim != 2 or depth.dtype == np.uint8 or depth.dtype.kind not in "uif":
         found = f"an image of {depth.dtype} {depth.shape}"
         raise InputError(path, found, "depth of 16 bits in one channel", "export it again")
-    values: NDArray[np.float64] = depth.astype(np.float64)
-    return np.where(values == _INVALID, 0, values) if depth.dtype == np.uint16 else values
+    with np.errstate(invalid="ignore"):  # NaN of any kind is no depth
+        values: NDArray[np.float64] = depth.astype(np.float64)
+    if depth.dtype == np.uint16:
+        return np.where(values == _INVALID, 0, values)
+    return np.where(np.isfinite(values), values, 0)
 
 
 def read_colour(path: Path) -> NDArray[np.uint8]:

@@ -181,10 +181,11 @@ def _as_cloud(
     if set(_CARTESIAN) <= set(known):
         cloud = {axis: known[name] for axis, name in zip("xyz", _CARTESIAN, strict=True)}
     elif set(_SPHERICAL) <= set(known):
-        reach, azimuth, elevation = (known[name].astype(np.float64) for name in _SPHERICAL)
-        across = reach * np.cos(elevation)
-        x, y = across * np.cos(azimuth), across * np.sin(azimuth)
-        cloud = {"x": x, "y": y, "z": reach * np.sin(elevation)}
+        with np.errstate(over="ignore", invalid="ignore"):  # what is no number is no point
+            reach, azimuth, elevation = (known[name].astype(np.float64) for name in _SPHERICAL)
+            across = reach * np.cos(elevation)
+            x, y = across * np.cos(azimuth), across * np.sin(azimuth)
+            cloud = {"x": x, "y": y, "z": reach * np.sin(elevation)}
     else:
         found, expected = f"points of {', '.join(columns)[:80]}", "cartesian or spherical points"
         raise InputError(path, found, expected, "export it again")

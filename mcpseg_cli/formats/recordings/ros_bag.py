@@ -58,6 +58,7 @@ class RosBag:
             bounded = [BoundedPath(one) if one.suffix == ".bag" else one for one in files]
             self._reader = AnyReader(bounded, default_typestore=_usual_types())
             self._reader.open()
+            found = self._reader.topics
         except _DAMAGE as error:
             other = next((kind for one in files if (kind := _other_kind(one))), "")
             if other:
@@ -75,7 +76,7 @@ class RosBag:
         encoding = "cdr" if self._reader.is2 else "ros1"
         self.topics = {
             name: Topic(name, info.msgtype or "", encoding, info.msgcount)
-            for name, info in self._reader.topics.items()
+            for name, info in found.items()
         }
 
     def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:

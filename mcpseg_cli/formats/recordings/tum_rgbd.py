@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from mcpseg_cli.formats.rigid import NEAREST_NS, Trajectory, from_quaternion, is
 from mcpseg_cli.formats.scan_source import Recording
 
 _PER_METRE = 5000.0
+_LATEST_S = 9_000_000_000  # in 64 bits of nanoseconds: the year 2255
 _KNOWN = {  # of the dataset's three cameras
     "freiburg1": Camera(517.3, 516.5, 318.6, 255.3),
     "freiburg2": Camera(520.9, 521.0, 325.1, 249.7),
@@ -72,6 +73,9 @@ def _images(path: Path, name: str) -> dict[int, Path]:
         if len(words) != 2:
             found = f"line {number} has {len(words)} columns"
             raise InputError(path / name, found, "timestamp filename", "mend the line")
+        if not words[1].isprintable():
+            found = f"line {number} names {words[1][:40]!r}"
+            raise InputError(path / name, found, "an image", "mend the line")
         images[_time_ns(path / name, number, words[0])] = path / words[1]
     return images
 
@@ -107,7 +111,10 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 def _time_ns(path: Path, number: int, word: str) -> int:
     """Read seconds, exactly, as nanoseconds."""
     try:
-        return int(Decimal(word) * 1_000_000_000)
-    except (InvalidOperation, ValueError, OverflowError) as error:
+        seconds = Decimal(word)
+        if not abs(seconds) < _LATEST_S:
+            raise ValueError(word)
+        return int(seconds * 1_000_000_000)
+    except (ArithmeticError, ValueError) as error:
         found = f"{word[:40]!r} in line {number}"
         raise InputError(path, found, "a time in seconds", "mend the line") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
+from mcpseg_cli.formats.claims import open_bounded
+from mcpseg_cli.formats.meshes import check_corners, told_of_damage
 from mcpseg_cli.synth.geometry.solids import Triangles, area_of
 from mcpseg_cli.synth.models.boxes import cut
 from mcpseg_cli.synth.surfaces.noise import Floats
@@ -18,6 +21,8 @@ from mcpseg_cli.synth.surfaces.noise import Floats
 if TYPE_CHECKING:
     import trimesh
 
+_REMEDY = "take its class out of the table of models"
+_FARTHEST = 1e6  # of a corner, in any unit
 _LARGEST = 512  # pixels of a texture
 _CLEAR = 0.05  # what is less opaque is left out
 _TO_THINGS = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -62,15 +67,19 @@ def read_pieces(
     Raises:
         InputError: The mesh cannot be read or has no triangles.
     """
-    pieces = [_piece_of(mesh, number) for number, mesh in enumerate(_meshes_in(path))]
+    path.open("rb").close()  # what cannot be opened says so itself
+    with told_of_damage(path, _REMEDY):
+        pieces = [_piece_of(mesh, number) for number, mesh in enumerate(_meshes_in(path))]
     pieces = [piece for piece in pieces if len(piece.triangles) and piece.opacity > _CLEAR]
     if not pieces:
-        remedy = "take its class out of the table of models"
-        raise InputError(path, "no triangles", "a mesh", remedy)
+        raise InputError(path, "no triangles", "a mesh", _REMEDY)
 
     # into the frame of things, and to its size
     turn = _TO_THINGS @ (np.array(rotation).reshape(3, 3) if rotation else np.eye(3))
-    together = np.concatenate([piece.triangles for piece in pieces]) @ turn.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        together = np.concatenate([piece.triangles for piece in pieces]) @ turn.T
+    if not np.abs(together).max() < _FARTHEST:
+        raise InputError(path, "corners that are no numbers, or far off", "a mesh", _REMEDY)
     low, high = together.min(axis=(0, 1)), together.max(axis=(0, 1))
     scale = np.array(size) / np.maximum(high - low, 1e-9)
     origin = np.array([(low[0] + high[0]) / 2, low[1], low[2]])
@@ -97,17 +106,15 @@ def _meshes_in(path: Path) -> list[trimesh.Trimesh]:
     """Return the meshes of a file, one for each material, where its scene puts them."""
     import trimesh
 
-    remedy = "take its class out of the table of models"
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
-    except (ValueError, KeyError, IndexError, TypeError, OSError, NotImplementedError) as error:
-        raise InputError(path, f"no mesh: {error}", "OBJ, GLB or the like", remedy) from error
-    return meshes
+    is_glb = path.suffix.lower() == ".glb"
+    with open_bounded(path) if is_glb else nullcontext(path) as file:
+        scene = trimesh.load_scene(file, file_type="glb" if is_glb else None, process=False)
+    return [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
 
 
 def _piece_of(mesh: trimesh.Trimesh, number: int) -> Piece:
     """Return a mesh as one piece, as it is in the file."""
+    check_corners(mesh)
     triangles = np.asarray(mesh.triangles, np.float64)
     material = getattr(mesh.visual, "material", None)
     picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
