@@ -19,10 +19,14 @@ import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import fmean
+from unittest.mock import patch
 
 import numpy as np
 
 from mcpseg_cli.config import RaytraceSettings
+from mcpseg_cli.incremental import uniting
+from mcpseg_cli.merge.run import merge_runs
 from mcpseg_cli.raytrace.drive import Waypoints, plan_drive
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 from mcpseg_cli.raytrace.scanner import scan_name
@@ -33,7 +37,9 @@ NOISE = 0.004  # metres
 FIGURES = {
     "mIoU": "miou", "accuracy": "point_accuracy", "AP50": "ap50", "PQ": "pq",
     "met": "precision_50", "NMI": "nmi", "ARI": "ari",
+    "objects": "objects_pred", "true_objects": "objects_true", "scans": "scans",
 }  # fmt: skip
+Figures = dict[str, float]
 PERCENT = ("mIoU", "accuracy", "AP50", "PQ", "met")
 
 
@@ -118,22 +124,29 @@ def segment(folder: Path, name: str, numbers: list[int]) -> Path:
     return output
 
 
-def merge(folder: Path, name: str, maps: list[Path]) -> Path:
-    """Merge maps; return the folder of the result."""
+def merge(folder: Path, name: str, maps: list[Path], *, heard: bool = True) -> Path:
+    """Merge maps; return the folder of the result.
+
+    Args:
+        folder: Of the building.
+        name: What the result is called.
+        maps: Which.
+        heard: Whether the objects that maps have count, or the sums of evidence alone.
+    """
     output = folder / "maps" / name
-    mcpseg("merge", *maps, "-o", output, "-q", "--overwrite")
+    if not (output / "objects.json").is_file():
+        with patch.object(uniting, "INERTIA", uniting.INERTIA if heard else 0):
+            merge_runs(maps, output, {})
     return output
 
 
-def score(output: Path, truth: Path) -> dict[str, float]:
+def score(output: Path, truth: Path) -> Figures:
     """Score a map."""
     found = json.loads(mcpseg("eval", output, truth, "--json", "-q"))
-    figures = {
+    return {
         name: round(found[key] * (100 if name in PERCENT else 1), 4)
         for name, key in FIGURES.items()
     }
-    objects = json.loads((output / "objects.json").read_text())
-    return figures | {"objects": len(objects)}
 
 
 def mcpseg(*words: object) -> str:
@@ -142,24 +155,32 @@ def mcpseg(*words: object) -> str:
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def measure(folder: Path, seed: int, options: argparse.Namespace) -> dict[str, dict[str, float]]:
+def measure(folder: Path, seed: int, options: argparse.Namespace) -> dict[str, Figures]:
     """Make the maps of one building; give their figures by what they are of."""
     robots = make_scans(folder, seed, options)
-    own = [number for robot in robots for number in robot.own]
-    every = [number for robot in robots for number in robot.scans]
-    one, same = segment(folder, "one", own), segment(folder, "same", every)
+    one = segment(folder, "one", [number for robot in robots for number in robot.own])
+    same = segment(folder, "same", [number for robot in robots for number in robot.scans])
     parts = [
         segment(folder, f"robot_{number}", robot.scans)
         for number, robot in enumerate(robots, start=1)
     ]
     maps = {
-        f"one robot, {len(own)} scans": one,
+        "one robot": one,
         "its map, merged alone": merge(folder, "one_alone", [one]),
-        f"four robots, {len(every)} scans, merged": merge(folder, "merged", parts),
-        f"one robot, the same {len(every)} scans": same,
-        "that one, merged alone": merge(folder, "same_alone", [same]),
+        "four robots, merged": merge(folder, "merged", parts),
+        "four, maps' objects not heard": merge(folder, "unheard", parts, heard=False),
+        "one robot, the scans of the four": same,
+        "that map, merged alone": merge(folder, "same_alone", [same]),
     }
     return {name: score(output, folder / "gt") for name, output in maps.items()}
+
+
+def mean_of(buildings: list[dict[str, Figures]]) -> dict[str, Figures]:
+    """Average the figures of the buildings."""
+    return {
+        name: {key: round(fmean(each[name][key] for each in buildings), 4) for key in FIGURES}
+        for name in buildings[0]
+    }
 
 
 def main() -> None:
@@ -172,10 +193,13 @@ def main() -> None:
     parser.add_argument("--overlap", type=float, default=0.12, help="of the next one's stretch")
     parser.add_argument("--folder", type=Path, help="to keep everything in")
     options = parser.parse_args()
+    buildings = []
     with tempfile.TemporaryDirectory() as name:
         for seed in options.seed:
             folder = (options.folder or Path(name)) / f"seed_{seed}"
-            print(json.dumps({"seed": seed} | measure(folder, seed, options)), flush=True)
+            buildings.append(measure(folder, seed, options))
+            print(json.dumps({"seed": seed} | buildings[-1]), flush=True)
+    print(json.dumps({"mean": mean_of(buildings)}, indent=1))
 
 
 if __name__ == "__main__":
