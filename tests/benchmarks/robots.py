@@ -20,13 +20,10 @@ import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
-from unittest.mock import patch
 
 import numpy as np
 
 from mcpseg_cli.config import RaytraceSettings
-from mcpseg_cli.incremental import uniting
-from mcpseg_cli.merge.run import merge_runs
 from mcpseg_cli.raytrace.drive import Waypoints, plan_drive
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 from mcpseg_cli.raytrace.scanner import scan_name
@@ -124,19 +121,10 @@ def segment(folder: Path, name: str, numbers: list[int]) -> Path:
     return output
 
 
-def merge(folder: Path, name: str, maps: list[Path], *, heard: bool = True) -> Path:
-    """Merge maps; return the folder of the result.
-
-    Args:
-        folder: Of the building.
-        name: What the result is called.
-        maps: Which.
-        heard: Whether the objects that maps have count, or the sums of evidence alone.
-    """
+def merge(folder: Path, name: str, maps: list[Path]) -> Path:
+    """Merge maps; return the folder of the result."""
     output = folder / "maps" / name
-    if not (output / "objects.json").is_file():
-        with patch.object(uniting, "INERTIA", uniting.INERTIA if heard else 0):
-            merge_runs(maps, output, {})
+    mcpseg("merge", *maps, "-o", output, "-q", "--overwrite")
     return output
 
 
@@ -168,9 +156,7 @@ def measure(folder: Path, seed: int, options: argparse.Namespace) -> dict[str, F
         "one robot": one,
         "its map, merged alone": merge(folder, "one_alone", [one]),
         "four robots, merged": merge(folder, "merged", parts),
-        "four, maps' objects not heard": merge(folder, "unheard", parts, heard=False),
         "one robot, the scans of the four": same,
-        "that map, merged alone": merge(folder, "same_alone", [same]),
     }
     return {name: score(output, folder / "gt") for name, output in maps.items()}
 
