@@ -1,6 +1,6 @@
 """Many robots, one building: is the merged map of four as good as that of one that did it all?
 
-    python -m tests.benchmarks.robots [--seed 101 102 103] [--rooms 40] [--folder KEPT]
+    python -m tests.benchmarks.robots [--seed 101 102 103 104 105] [--rooms 40] [--folder KEPT]
 
 For each seed an office that no weights were trained on (those are of seeds below 50), and a way
 through all of it. One robot scans every metre of it. Four robots scan a stretch of it each, and the
@@ -172,7 +172,7 @@ def mean_of(buildings: list[dict[str, Figures]]) -> dict[str, Figures]:
 def main() -> None:
     """Print the figures of each building, then their means."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, nargs="+", default=[101, 102, 103])
+    parser.add_argument("--seed", type=int, nargs="+", default=[101, 102, 103, 104, 105])
     parser.add_argument("--rooms", type=int, default=40)
     parser.add_argument("--step", type=float, default=1.0, help="metres between scans")
     parser.add_argument("--robots", type=int, default=4)
