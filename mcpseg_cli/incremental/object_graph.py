@@ -26,7 +26,7 @@ from mcpseg_cli.incremental.succession import Succession, find_successors
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 
 _NONE = -1
-_INERTIA = 20  # percent of the evidence that says that what was one object is one, and two two
+INERTIA = 20  # percent of the evidence that says that what was one object is one, and two two
 _PART = 1 << 16  # voxels restored at a time
 
 
@@ -339,7 +339,7 @@ def _hold(
     """Add evidence for what was: edges within an object or between two weigh more; in place."""
     for e in range(ends.shape[0]):
         one, other = old[ends[e, 0]], old[ends[e, 1]]
-        weight = _INERTIA if one > 0 and other > 0 else 0
+        weight = INERTIA if one > 0 and other > 0 else 0
         together[e] = 100 * together[e] + (weight * total[e] if one == other else 0)
         total[e] *= 100 + weight
 

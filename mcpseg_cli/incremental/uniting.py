@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.grid import MAX_VOXEL
 from mcpseg_cli.incremental.evidence import FULL
+from mcpseg_cli.incremental.object_graph import INERTIA
 from mcpseg_cli.networks.stencil import NUM_FORWARD
 
 WIDTH = 128
@@ -136,21 +137,23 @@ def unite(rows: PartVoxels, column: tuple[int, int]) -> UnitedVoxels:
 
 
 def list_edges(
-    united: UnitedVoxels, column: tuple[int, int]
+    rows: PartVoxels, united: UnitedVoxels, column: tuple[int, int]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
     """List the edges that the voxels of a column have, to each other and to those of the rim.
 
-    Only sums count, not which objects the maps had: merged objects are better so, see
-    ``docs/scale.md``.
+    What was one object in a map is rather one again, and what was two rather two, as when a robot
+    looks again: each map says so with its share of the evidence.
 
     Args:
+        rows: What was united.
         united: From ``unite``.
         column: Which.
 
     Returns:
         (E, 2) int32 rows of ``united``, the voxel that keeps the evidence first; (E,) int64
-        evidence that both are of one object; (E,) int64 evidence for or against.
+        evidence that both are of one object; (E,) int64 evidence for or against; both 100 fold.
     """
+    objects = _PartObjects(rows, united)
     inside, voxel = united.num_inside, voxels_of(united.key, column)
     order = np.argsort(united.key)
     num_classes = united.evidence.shape[1] - 2 * NUM_FORWARD - 1
@@ -166,9 +169,69 @@ def list_edges(
         is_there = (united.key[other] == wanted) & ((owner < inside) | (other < inside))
         owner, other = owner[is_there], other[is_there]
         ends.append(np.stack([owner, other], axis=1))
-        joint.append(together[owner, k])
-        both.append(total[owner, k])
+        one, two, known = objects.agreement(k, owner, other)
+        said, weight = total[owner, k], INERTIA * total[owner, k]
+        joint.append(100 * together[owner, k] + weight * one // known)
+        both.append(100 * said + weight * (one + two) // known)
     return np.concatenate(ends).astype(np.int32), np.concatenate(joint), np.concatenate(both)
+
+
+class _PartObjects:
+    """What the maps say of pairs of voxels: of one object, or of two.
+
+    Args:
+        rows: Of all maps.
+        united: Where they went.
+    """
+
+    def __init__(self, rows: PartVoxels, united: UnitedVoxels) -> None:
+        num_classes = rows.evidence.shape[1] - 2 * NUM_FORWARD - 1
+        pairs = rows.evidence[:, num_classes:-1].astype(np.int64)
+        self._said = pairs[:, :NUM_FORWARD] + pairs[:, NUM_FORWARD:]
+        self._count, self._instance = len(united.key), rows.instance
+        self._part, self._source = rows.part.astype(np.int64), united.source
+
+        # a map that had two voxels where there is one now says what the first was of
+        self._place, self._row = np.unique(
+            self._part * self._count + united.source, return_index=True
+        )
+
+    def agreement(
+        self, k: int, owner: NDArray[np.int64], other: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Sum over maps the evidence on the edges to forward neighbours ``k``.
+
+        Args:
+            k: Which neighbour.
+            owner: (E,) voxels that keep the evidence, each at most once.
+            other: (E,) their neighbours.
+
+        Returns:
+            (E,) int64 evidence of maps where both were of one object; of maps where they were of
+            two; of all maps, at least 1.
+        """
+        neighbour = np.full(self._count, -1, np.int64)
+        neighbour[owner] = other
+        rows = np.flatnonzero((self._said[:, k] > 0) & (neighbour[self._source] >= 0))
+        source, said = self._source[rows], self._said[rows, k]
+        wanted = self._part[rows] * self._count + neighbour[source]
+        place = np.minimum(np.searchsorted(self._place, wanted), len(self._place) - 1)
+        is_there = self._place[place] == wanted
+        first = self._instance[rows]
+        second = np.where(is_there, self._instance[self._row[place]], 0)
+        objects = (first > 0) & (second > 0)
+
+        def total(chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+            sums = np.zeros(self._count, np.int64)
+            np.add.at(sums, source[chosen], said[chosen])
+            return sums[owner]
+
+        everything = total(np.ones(len(rows), bool))
+        return (
+            total(objects & (first == second)),
+            total(objects & (first != second)),
+            np.maximum(everything, 1),
+        )
 
 
 def move_evidence(

@@ -14,6 +14,7 @@ from mcpseg_cli.incremental.linkage import link, link_inside
 from mcpseg_cli.incremental.object_graph import are_objects
 from mcpseg_cli.incremental.succession import find_successors
 from mcpseg_cli.incremental.uniting import (
+    PartVoxels,
     UnitedVoxels,
     column_of,
     keys_of,
@@ -72,17 +73,18 @@ class BuildingGraph:
         """Return how many clusters the columns before one have."""
         return self._first[column]
 
-    def add(self, column: Column, united: UnitedVoxels) -> NDArray[np.int32]:
+    def add(self, column: Column, rows: PartVoxels, united: UnitedVoxels) -> NDArray[np.int32]:
         """Cluster the voxels of the next column as far as others cannot change it.
 
         Args:
             column: Which.
+            rows: What was united.
             united: From ``unite``.
 
         Returns:
             (V,) int32 number of the cluster of each, in order of their first voxels.
         """
-        ends, together, total = list_edges(united, column)
+        ends, together, total = list_edges(rows, united, column)
         inside = united.num_inside
         within, pairs, joint, both = link_inside(
             ends, together, total, self._threshold, len(united.key), inside

@@ -209,7 +209,7 @@ class _Merge:
             rows = spool.read(column)
             spool.remove(column)
             united = unite(rows, column)
-            cluster = self._graph.add(column, united)
+            cluster = self._graph.add(column, rows, united)
             UnitedColumn.of(rows, united, cluster).write(self._path(column))
             self.num_voxels += united.num_inside
             self._told("unite", number, len(self._columns))

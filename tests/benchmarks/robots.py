@@ -20,10 +20,13 @@ import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
+from unittest.mock import patch
 
 import numpy as np
 
 from mcpseg_cli.config import RaytraceSettings
+from mcpseg_cli.incremental import uniting
+from mcpseg_cli.merge.run import merge_runs
 from mcpseg_cli.raytrace.drive import Waypoints, plan_drive
 from mcpseg_cli.raytrace.run import RaytraceRequest, RaytraceRun
 from mcpseg_cli.raytrace.scanner import scan_name
@@ -121,10 +124,19 @@ def segment(folder: Path, name: str, numbers: list[int]) -> Path:
     return output
 
 
-def merge(folder: Path, name: str, maps: list[Path]) -> Path:
-    """Merge maps; return the folder of the result."""
+def merge(folder: Path, name: str, maps: list[Path], *, heard: bool = True) -> Path:
+    """Merge maps; return the folder of the result.
+
+    Args:
+        folder: Of the building.
+        name: What the result is called.
+        maps: Which.
+        heard: Whether the objects that maps have count, or the sums of evidence alone.
+    """
     output = folder / "maps" / name
-    mcpseg("merge", *maps, "-o", output, "-q", "--overwrite")
+    if not (output / "objects.json").is_file():
+        with patch.object(uniting, "INERTIA", uniting.INERTIA if heard else 0):
+            merge_runs(maps, output, {})
     return output
 
 
@@ -156,7 +168,9 @@ def measure(folder: Path, seed: int, options: argparse.Namespace) -> dict[str, F
         "one robot": one,
         "its map, merged alone": merge(folder, "one_alone", [one]),
         "four robots, merged": merge(folder, "merged", parts),
+        "four, maps' objects not heard": merge(folder, "unheard", parts, heard=False),
         "one robot, the scans of the four": same,
+        "that map, merged alone": merge(folder, "same_alone", [same]),
     }
     return {name: score(output, folder / "gt") for name, output in maps.items()}
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcpseg_cli.incremental.evidence import FULL
+from mcpseg_cli.incremental.object_graph import INERTIA
 from mcpseg_cli.incremental.uniting import (
     FORWARD,
     PartVoxels,
@@ -118,10 +119,12 @@ def test_keys_are_of_voxels_and_order_them():
 
 
 @given(st.integers(0, 10_000), st.integers(1, 3))
-def test_edges_are_those_of_the_voxels_that_keep_evidence(seed, count):
+def test_edges_are_those_of_the_voxels_that_keep_evidence_held_by_the_maps_objects(seed, count):
     rng = np.random.default_rng(seed)
-    united = unite(joined([make_part(rng, number) for number in range(count)]), COLUMN)
-    found = edges_of(united)
+    rows = joined([make_part(rng, number) for number in range(count)])
+    rows.instance[:] = np.minimum(rows.instance, 3)
+    united = unite(rows, COLUMN)
+    found = edges_of(rows, united)
     voxels = [tuple(each) for each in voxels_of(united.key, COLUMN).tolist()]
     row = {voxel: number for number, voxel in enumerate(voxels)}
     expected = {}
@@ -132,17 +135,42 @@ def test_edges_are_those_of_the_voxels_that_keep_evidence(seed, count):
             both = joint + int(united.evidence[one, CLASSES + 13 + k])
             if other is None or both == 0 or min(one, other) >= united.num_inside:
                 continue
-            expected[one, other] = (joint, both)
+            same, apart, known = said_of(rows, voxel, voxels[other], k)
+            joint = 100 * joint + INERTIA * both * same // max(known, 1)
+            expected[one, other] = (
+                joint,
+                100 * both + INERTIA * both * (same + apart) // max(known, 1),
+            )
     assert found == expected
 
 
-def edges_of(united):
+def edges_of(rows, united):
     """Edges as a table of evidence for, and for or against, by their ends."""
-    ends, together, total = list_edges(united, COLUMN)
+    ends, together, total = list_edges(rows, united, COLUMN)
     return {
         (int(one), int(other)): (int(a), int(b))
         for (one, other), a, b in zip(ends, together, total, strict=True)
     }
+
+
+def said_of(rows, voxel, other, k):
+    """Evidence of maps about a pair: where both were of one object, of two, and in all."""
+    same = apart = known = 0
+    for part in np.unique(rows.part):
+        here = {
+            tuple(each): row
+            for row, each in enumerate(rows.voxel.tolist())
+            if rows.part[row] == part
+        }
+        if voxel not in here:
+            continue
+        row = here[voxel]
+        said = int(rows.evidence[row, CLASSES + k]) + int(rows.evidence[row, CLASSES + 13 + k])
+        objects = rows.instance[row], rows.instance[here[other]] if other in here else 0
+        known += said
+        same += said * (min(objects) > 0 and objects[0] == objects[1])
+        apart += said * (min(objects) > 0 and objects[0] != objects[1])
+    return same, apart, known
 
 
 @given(st.integers(0, 10_000))
@@ -150,7 +178,7 @@ def test_the_order_of_the_parts_changes_no_edge(seed):
     rng = np.random.default_rng(seed)
     parts = [make_part(rng, number) for number in range(3)]
     one, other = joined(parts), joined([parts[order] for order in rng.permutation(3)])
-    assert edges_of(unite(one, COLUMN)) == edges_of(unite(other, COLUMN))
+    assert edges_of(one, unite(one, COLUMN)) == edges_of(other, unite(other, COLUMN))
 
 
 @pytest.mark.parametrize("steps", [(3, -2, 1), (0, 0, 0), (-40, 7, 0)])

@@ -62,8 +62,9 @@ def objects_by_columns(rows, folder):
     )
     spool.add(rows)
     for column in spool.columns:
-        united = unite(spool.read(column), column)
-        known[column] = (united.key[: united.num_inside], graph.add(column, united), united)
+        there = spool.read(column)
+        united = unite(there, column)
+        known[column] = (united.key[: united.num_inside], graph.add(column, there, united), united)
     found = graph.objects(lambda column: known[column][:2])
 
     owner = {}
@@ -82,11 +83,29 @@ def same_partition(one, other):
     return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
-def test_which_objects_the_maps_had_does_not_count(tmp_path):
-    rows = make_voxels(np.random.default_rng(3), 400)
-    before = objects_by_columns(rows, tmp_path / "none")
-    rows.instance[:] = np.random.default_rng(4).integers(1, 5, len(rows))
-    assert (objects_by_columns(rows, tmp_path / "some") == before).all()
+def test_what_a_map_had_as_one_object_is_rather_one_and_what_it_had_as_two_rather_two(
+    tmp_path,
+):
+    rows = make_voxels(np.random.default_rng(3), 2)
+    rows.voxel[:] = [[10, 10, 0], [10, 10, 1]]
+    rows.xyz[:] = rows.voxel * 0.1 + 0.05
+    rows.evidence[:] = 0
+    rows.evidence[:, 0] = 100
+    partitions = {}
+    for joint in (45, 55):
+        for instance in ((0, 0), (1, 1), (1, 2)):
+            rows.evidence[0, [CLASSES, CLASSES + 13]] = joint, 100 - joint
+            rows.instance[:] = instance
+            graph = BuildingGraph(CLASSES, threshold=THRESHOLD, least=1)
+            united = unite(rows, (0, 0))
+            cluster = graph.add((0, 0), rows, united)
+            known = (united.key, cluster)
+            owner = graph.objects(lambda _, known=known: known).owner[cluster]
+            partitions[joint, instance] = owner[0] == owner[1]
+    assert partitions == {
+        (45, (0, 0)): False, (45, (1, 1)): True, (45, (1, 2)): False,
+        (55, (0, 0)): True, (55, (1, 1)): True, (55, (1, 2)): False,
+    }  # fmt: skip
 
 
 @settings(max_examples=25)
