@@ -27,6 +27,7 @@ FILES_A_ROUND = 2500
 _ENDLESS_S = 60  # to wait for a reader
 _ROUND_S = 900.0
 _COLLECTED = 50  # files between two searches for circles
+_SLOW_EVERY = 10  # turns of all others that a slow kind waits
 _PANIC = "panicked at"  # what Rust says of LAZ, see docs/trust.md
 LIES = (0, 1, 0x7FFF, 0xFFFF, 1 << 31, (1 << 32) - 1, 1 << 40, (1 << 63) - 1, (1 << 64) - 1)
 WORDS = (b"-1", b"0", b"1e999", b"nan", b"9" * 20, b"9" * 400, b"9" * 5000, b"[[[[", b"\xff\xfe")
@@ -67,9 +68,13 @@ def read_damaged(seed: int, files: list[Sound], folder: Path, report: Report, co
         count: How many to read.
     """
     rng = random.Random(seed)
-    turn: list[Sound] = []
+    turn, num_turns = [], 0
     for number in range(count):
-        turn = turn or rng.sample(files, len(files))  # each kind in its turn
+        if not turn:  # each kind in its turn
+            takes_all = num_turns % _SLOW_EVERY == 0
+            turn = [sound for sound in files if takes_all or not sound.is_slow]
+            rng.shuffle(turn)
+            num_turns += 1
         sound = turn.pop()
         path = folder / sound.name
         path.write_bytes(damage(sound.data, rng))

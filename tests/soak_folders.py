@@ -70,7 +70,7 @@ def _labelled(root: Path, inner: str, folder: Path) -> Sound:
         obey("info", one, "--json")
         obey("segment", one, "-o", output, "-w", weights, "-q", "--no-check")
 
-    return sound_in(whole, inner, label)
+    return sound_in(whole, inner, label, is_slow=True)
 
 
 def read_whole(folder: Path) -> None:

@@ -134,7 +134,7 @@ def _buildings(folder: Path) -> list[Sound]:
         found.append(sound_of(path, lambda one: read_cloud(one).colour(None, one)))
     found += _meshes(folder / "mesh")
     if importlib.util.find_spec("ifcopenshell") is not None:
-        found.append(sound_of(write_ifc(folder / "house.ifc"), _read_mesh))
+        found.append(sound_of(write_ifc(folder / "house.ifc"), _read_mesh, is_slow=True))
     return found
 
 

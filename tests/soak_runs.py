@@ -57,7 +57,7 @@ def _of_segment(folder: Path) -> list[Sound]:
         export: ("state.sqlite", "run.json"),
     }
     return [
-        sound_in(_copied(run, folder / f"{does.__name__}-{number}"), inner, does)
+        sound_in(_copied(run, folder / f"{does.__name__}-{number}"), inner, does, is_slow=True)
         for does, inners in damaged.items()
         for number, inner in enumerate(inners)
     ]
@@ -79,7 +79,9 @@ def _of_raytrace(folder: Path) -> list[Sound]:
     def go_on(whole: Path) -> None:
         obey("raytrace", room, "-o", _copied(whole, folder / "retraced"), *_COARSE)
 
-    return [sound_in(traced, inner, go_on) for inner in ("raytrace.json", "poses.csv")]
+    return [
+        sound_in(traced, inner, go_on, is_slow=True) for inner in ("raytrace.json", "poses.csv")
+    ]
 
 
 def _models(folder: Path) -> list[Sound]:

@@ -20,25 +20,28 @@ class Sound:
         name: What it is to be called; its ending says which reader it is for.
         data: What is in it.
         read: Reads it at another place.
+        is_slow: Whether a whole command reads it, or a process of its own; such are rarer.
     """
 
     name: str
     data: bytes
     read: Read
+    is_slow: bool = False
 
 
-def sound_of(path: Path, read: Read) -> Sound:
+def sound_of(path: Path, read: Read, *, is_slow: bool = False) -> Sound:
     """Take a file for one that is read by itself."""
-    return Sound(path.name, path.read_bytes(), read)
+    return Sound(path.name, path.read_bytes(), read, is_slow)
 
 
-def sound_in(folder: Path, inner: str, read: Read) -> Sound:
+def sound_in(folder: Path, inner: str, read: Read, *, is_slow: bool = False) -> Sound:
     """Take a file for one of a folder that is read as a whole.
 
     Args:
         folder: All its files are sound; stays where it is.
         inner: Path of the file in it.
         read: Reads the folder.
+        is_slow: See ``Sound``.
     """
     place = folder / inner
     data = place.read_bytes()
@@ -50,7 +53,7 @@ def sound_in(folder: Path, inner: str, read: Read) -> Sound:
         finally:
             place.write_bytes(data)
 
-    return Sound(f"{folder.name}.{inner.replace('/', '.')}", data, read_whole)
+    return Sound(f"{folder.name}.{inner.replace('/', '.')}", data, read_whole, is_slow)
 
 
 def obey(*words: object) -> None:

@@ -36,6 +36,7 @@ _TOO_FAR = (
     "choose --format ply, pcd or npz"
 )
 _NOISE = (7, 18)  # classifications of points that are none (LAS 1.4, table 17)
+_VERSIONS = [(1, minor) for minor in range(6)]
 _FIRST_WRITTEN = 2  # minor version: laspy reads older files and writes none
 _DAMAGE = (  # what laspy and lazrs raise for damaged files
     laspy.LaspyException, LazrsError, ValueError, TypeError, LookupError, AttributeError, EOFError,
@@ -122,6 +123,10 @@ def _check_counts(path: Path) -> None:
         remedy = "check that this is a LAS file"
         found = f"starts with {head[:8]!r}{recognise(path, ', ')}"
         raise InputError(path, found, "a LAS or LAZ header", remedy)
+
+    if (version := (head[24], head[25])) not in _VERSIONS:
+        found = f"LAS {version[0]}.{version[1]}"
+        raise InputError(path, found, "LAS 1.0 to 1.5", "copy it again, or convert it")
 
     # version 1.4 counts in 64 bits
     start, num_records, point_format, point_size, num_points = struct.unpack_from(

@@ -7,7 +7,7 @@ import laspy
 import numpy as np
 import pytest
 
-from mcpseg_cli.errors import OutputError
+from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import Cloud, Labels, read_cloud, write_cloud
 
 SYSTEM, SOFTWARE, VERSION, SCALES = 26, 58, 25, 131  # bytes of a header of LAS
@@ -137,3 +137,22 @@ def test_a_feature_of_thousands_of_values_is_written_and_read_again(suffix, tmp_
     write_cloud(tmp_path / f"a{suffix}", Cloud(columns))
     again = read_cloud(tmp_path / f"a{suffix}").columns["feature"]
     np.testing.assert_array_equal(again, columns["feature"])
+
+
+@pytest.mark.parametrize("version", [(3, 4), (1, 9), (0, 0), (255, 255)])
+def test_a_las_of_a_version_that_nobody_knows_is_refused_in_one_line(version, tmp_path) -> None:
+    path = write_las(tmp_path / "a.las", VERSION - 1, bytes(version))
+    with pytest.raises(InputError, match=rf"LAS {version[0]}\.{version[1]}; expected LAS 1\.0 to"):
+        read_cloud(path)
+
+
+@pytest.mark.parametrize("minor", range(6))
+def test_every_known_version_of_las_is_read_and_written_labelled(minor, tmp_path) -> None:
+    header = laspy.LasHeader(point_format=1, version=f"1.{max(minor, 1)}")
+    file = laspy.LasData(header)
+    file.x, file.y, file.z = np.arange(30.0).reshape(3, 10) / 8
+    file.write(tmp_path / "a.las")
+    data = bytearray((tmp_path / "a.las").read_bytes())
+    data[VERSION] = minor
+    (tmp_path / "a.las").write_bytes(data)
+    write_labelled(tmp_path / "a.las", tmp_path / "b.las")
