@@ -8,6 +8,7 @@ from typing import BinaryIO
 import laspy
 import numpy as np
 from laspy.header import Version
+from laspy.point.dims import VERSION_TO_POINT_FMT
 from laspy.vlrs.vlrlist import VLRList
 from lazrs import LazrsError
 from numpy.typing import NDArray
@@ -73,12 +74,21 @@ def read_las(path: Path) -> Cloud:
     table = np.concatenate(records) if records else np.empty(0, header.point_format.dtype())
     if len(table) != header.point_count:
         raise _cut_short(path, header.point_count, len(table))
+    for dimension in header.point_format.extra_dimensions:
+        offsets = 0.0 if dimension.offsets is None else dimension.offsets
+        if not _is_scaled(dimension.scales) or not np.isfinite(offsets).all():
+            raise _undecodable(path, f"{dimension.name} has a scale or an offset of no use")
     try:
         columns = _columns(header, table)
     except _DAMAGE as error:
         raise _undecodable(path, str(error).strip() or type(error).__name__) from error
     excluded = _excluded(columns)
     return Cloud(columns, _read_classes(header), _writable(header), excluded=excluded)
+
+
+def _is_scaled(scales: NDArray[np.float64] | None) -> bool:
+    """Tell whether values can be multiplied by these, and divided by them again."""
+    return scales is None or bool((np.isfinite(scales) & (scales != 0)).all())
 
 
 def _columns(header: laspy.LasHeader, table: NDArray[np.void]) -> dict[str, NDArray[np.generic]]:
@@ -101,7 +111,7 @@ def _excluded(columns: dict[str, NDArray[np.generic]]) -> NDArray[np.bool_] | No
 
 
 def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
-    """Return a header that can be written: without what only COPC has, and not older than 1.2."""
+    """Return a header that can be written: without what only COPC has, of a version that fits."""
     for name in ("vlrs", "evlrs"):
         if records := getattr(header, name):
             kept = [record for record in records if record.user_id.lower() != "copc"]
@@ -109,8 +119,9 @@ def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
                 if not record.user_id.isascii():
                     record._user_id = record.user_id.encode("ascii", "replace").decode()
             setattr(header, name, VLRList(kept))
-    if header.version.minor < _FIRST_WRITTEN:
-        header.version = Version(1, 4)
+    fitting = VERSION_TO_POINT_FMT.get(str(header.version), ())
+    if header.version.minor < _FIRST_WRITTEN or header.point_format.id not in fitting:
+        header.version = Version(1, 4)  # which takes any points
     return header
 
 

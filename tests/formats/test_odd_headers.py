@@ -10,7 +10,7 @@ import pytest
 from mcpseg_cli.errors import InputError, OutputError
 from mcpseg_cli.formats import Cloud, Labels, read_cloud, write_cloud
 
-SYSTEM, SOFTWARE, VERSION, SCALES = 26, 58, 25, 131  # bytes of a header of LAS
+SYSTEM, SOFTWARE, VERSION, NUM_POINTS, SCALES = 26, 58, 25, 107, 131  # bytes of a header of LAS
 
 
 def write_las(path: Path, at: int, patch: bytes) -> Path:
@@ -146,13 +146,43 @@ def test_a_las_of_a_version_that_nobody_knows_is_refused_in_one_line(version, tm
         read_cloud(path)
 
 
-@pytest.mark.parametrize("minor", range(6))
-def test_every_known_version_of_las_is_read_and_written_labelled(minor, tmp_path) -> None:
-    header = laspy.LasHeader(point_format=1, version=f"1.{max(minor, 1)}")
-    file = laspy.LasData(header)
+@pytest.mark.parametrize("minor", range(5))
+@pytest.mark.parametrize("point_format", [1, 3, 6, 7])
+def test_any_points_in_any_known_version_of_las_are_read_and_written_labelled(
+    point_format, minor, tmp_path
+) -> None:
+    file = laspy.LasData(laspy.LasHeader(point_format=point_format, version="1.4"))
     file.x, file.y, file.z = np.arange(30.0).reshape(3, 10) / 8
     file.write(tmp_path / "a.las")
     data = bytearray((tmp_path / "a.las").read_bytes())
-    data[VERSION] = minor
+    data[VERSION] = minor  # its header stays as long as that of 1.4
+    struct.pack_into("<I", data, NUM_POINTS, 10)
     (tmp_path / "a.las").write_bytes(data)
     write_labelled(tmp_path / "a.las", tmp_path / "b.las")
+
+
+def test_las_1_5_is_read_and_written_labelled(tmp_path) -> None:
+    file = laspy.LasData(laspy.LasHeader(point_format=6, version="1.5"))
+    file.x, file.y, file.z = np.arange(30.0).reshape(3, 10) / 8
+    file.write(tmp_path / "a.las")
+    write_labelled(tmp_path / "a.las", tmp_path / "b.las")
+
+
+@pytest.mark.parametrize("scale", [np.nan, np.inf, 0.0])
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_extra_bytes_with_a_scale_of_no_use_are_refused_in_one_line(
+    scale, suffix, tmp_path
+) -> None:
+    file = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    scaled = laspy.ExtraBytesParams("height", "uint16", scales=np.array([0.5]),
+                                    offsets=np.array([1.0]))  # fmt: skip
+    file.header.add_extra_dim(scaled)
+    file.points = laspy.ScaleAwarePointRecord.zeros(10, header=file.header)
+    path = tmp_path / f"a{suffix}"
+    file.write(path)
+    data = path.read_bytes()
+    at = data.index(b"height") + 32 + 4 + 24 + 24 + 24
+    assert struct.unpack_from("<d", data, at) == (0.5,)
+    path.write_bytes(data[:at] + struct.pack("<d", scale) + data[at + 8 :])
+    with pytest.raises(InputError, match="height has a scale or an offset of no use"):
+        read_cloud(path)
