@@ -20,7 +20,7 @@ from mcpseg_cli.formats.meshes import MeshPart, read_mesh
 _UP: dict[str, MeshUpAxis] = {".glb": "y", ".gltf": "y", ".ifc": "z"}  # formats that say it
 _TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # (x, y, z) to (x, -z, y)
 _HEIGHTS = (1.8, 500.0)  # metres; no building is lower or higher
-_MOST_POINTS = 80_000_000  # of 20 bytes
+_MOST_POINTS = 50_000_000  # of 20 bytes
 _BLOCK = 1 << 18  # points placed at once
 _STEP = np.array([0.7548776662466927, 0.5698402909980532])  # of R2, a sequence without gaps
 _MOST_NAMED = 6  # objects of a notice
