@@ -118,6 +118,10 @@ def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
             for record in kept:  # laspy takes more letters here than it writes
                 if not record.user_id.isascii():
                     record._user_id = record.user_id.encode("ascii", "replace").decode()
+                if not record.description.isascii() and name == "evlrs":
+                    text = record.description
+                    data = text if isinstance(text, bytes) else text.encode()
+                    record.description = data.decode("ascii", "replace").replace("\ufffd", "?")
             setattr(header, name, VLRList(kept))
     fitting = VERSION_TO_POINT_FMT.get(str(header.version), ())
     if header.version.minor < _FIRST_WRITTEN or header.point_format.id not in fitting:

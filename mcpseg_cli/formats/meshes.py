@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from struct import error as StructError
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, filterwarnings
 
 import numpy as np
@@ -221,10 +221,19 @@ def _part(mesh: trimesh.Trimesh, name: str, labels: tuple[str, ...]) -> MeshPart
 
     # a picture, no larger than points can show
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    uv = getattr(visual, "uv", None)
-    if image is None or uv is None or len(uv) != len(mesh.vertices):
+    uv = places_in_picture(mesh)
+    if image is None or uv is None:
         return MeshPart(name, labels, triangles, colour)
     image = image.convert("RGBA").convert("RGB")
     image.thumbnail((_LARGEST, _LARGEST))
-    places = np.nan_to_num(np.asarray(uv, np.float32))[faces]
-    return MeshPart(name, labels, triangles, colour, places, np.asarray(image, np.uint8))
+    return MeshPart(name, labels, triangles, colour, uv[faces], np.asarray(image, np.uint8))
+
+
+def places_in_picture(mesh: trimesh.Trimesh) -> NDArray[np.float32] | None:
+    """Return (V, 2) float32 where the corners of a mesh are in its picture; None if it has none."""
+    uv: Any = getattr(mesh.visual, "uv", None)
+    shape = np.shape(uv)
+    if len(shape) != 2 or shape[0] != len(mesh.vertices) or shape[1] < 2:
+        return None
+    places: NDArray[np.float32] = np.nan_to_num(np.asarray(uv, np.float32)[:, :2])
+    return places

@@ -95,13 +95,13 @@ class AreaSamples:
             number: Number of the scan, from 0.
 
         Raises:
-            InputError: The file was replaced by another since it was opened.
+            InputError: The file was replaced by another since it was opened, or is damaged.
         """
-        file, rows = self._file(), slice(self.starts[number], self.starts[number + 1])
+        rows = slice(self.starts[number], self.starts[number + 1])
         seen = slice(self.seen_starts[number], self.seen_starts[number + 1])
         return ScanSamples(
             self.position[number], float(self.floor[number]), int(self._num_new[number]),
-            file["voxel"][rows], file["context"][rows], file["seen"][seen],
+            self._read("voxel", rows), self._read("context", rows), self._read("seen", seen),
         )  # fmt: skip
 
     def voxels(self, first: int, last: int) -> NDArray[np.int32]:
@@ -109,8 +109,18 @@ class AreaSamples:
 
         ``last`` itself is not among them.
         """
-        voxels: NDArray[np.int32] = self._file()["voxel"][self.starts[first] : self.starts[last]]
-        return voxels
+        return self._read("voxel", slice(self.starts[first], self.starts[last]))
+
+    def _read(self, table: str, rows: slice) -> NDArray[np.int32]:
+        """Read rows of a table of integers."""
+        file = self._file()
+        try:
+            read: NDArray[np.int32] = file[table][rows]
+        except _DAMAGE as error:
+            cause = " ".join(str(error).split()) or type(error).__name__
+            found = f"{table} that cannot be read ({cause[:160]})"
+            raise InputError(self.path, found, "an undamaged file", "remove it") from error
+        return read
 
     def _read_tables(self, file: h5py.File) -> None:
         """Read what does not grow with the samples and map the table of voxels."""

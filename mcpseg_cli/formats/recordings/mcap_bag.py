@@ -132,7 +132,10 @@ class McapBag:
     def decode(self, raw: RawMessage) -> object:
         """Make a message of its bytes, see ``BagFiles.decode``."""
         topic = self.topics[raw.topic]
-        store = self._stores[topic.encoding]
+        if (store := self._stores.get(topic.encoding)) is None:
+            found = f"messages on {topic.name} encoded as {topic.encoding!r}"
+            expected = " or ".join(_STORES)
+            raise InputError(self._paths[raw.place[0]], found, expected, "record it again")
         is_ros1 = topic.encoding == "ros1"
         try:
             deserialize = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr

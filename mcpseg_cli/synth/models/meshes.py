@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mcpseg_cli.errors import InputError
 from mcpseg_cli.formats.claims import open_bounded
-from mcpseg_cli.formats.meshes import check_corners, told_of_damage
+from mcpseg_cli.formats.meshes import check_corners, places_in_picture, told_of_damage
 from mcpseg_cli.synth.geometry.solids import Triangles, area_of
 from mcpseg_cli.synth.models.boxes import cut
 from mcpseg_cli.synth.surfaces.noise import Floats
@@ -118,10 +118,10 @@ def _piece_of(mesh: trimesh.Trimesh, number: int) -> Piece:
     triangles = np.asarray(mesh.triangles, np.float64)
     material = getattr(mesh.visual, "material", None)
     picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    places = getattr(mesh.visual, "uv", None)
+    places = places_in_picture(mesh)
     colour = np.asarray(getattr(material, "main_color", (160, 160, 160, 255)), np.float64)
     opacity = _opacity_of(material, float(colour[3]) / 255 if len(colour) > 3 else 1.0)
-    if picture is None or places is None or len(places) != len(mesh.vertices):
+    if picture is None or places is None:
         return Piece(triangles, number, colour[:3], opacity)
 
     # the picture, no larger than points can show
@@ -129,7 +129,7 @@ def _piece_of(mesh: trimesh.Trimesh, number: int) -> Piece:
     picture = picture.convert("RGB")
     picture.thumbnail((_LARGEST, _LARGEST))
     image = np.asarray(picture, np.uint8)
-    uv = np.nan_to_num(np.asarray(places, np.float32))[np.asarray(mesh.faces)]
+    uv = places[np.asarray(mesh.faces)]
     return Piece(triangles, number, image.mean(axis=(0, 1)), opacity, image, uv)
 
 
