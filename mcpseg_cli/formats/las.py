@@ -121,7 +121,7 @@ def _writable(header: laspy.LasHeader) -> laspy.LasHeader:
                 if not record.description.isascii() and name == "evlrs":
                     text = record.description
                     data = text if isinstance(text, bytes) else text.encode()
-                    record.description = data.decode("ascii", "replace").replace("\ufffd", "?")
+                    record._description = data.decode("ascii", "replace").replace("\ufffd", "?")
             setattr(header, name, VLRList(kept))
     fitting = VERSION_TO_POINT_FMT.get(str(header.version), ())
     if header.version.minor < _FIRST_WRITTEN or header.point_format.id not in fitting:

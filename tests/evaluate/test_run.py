@@ -1,6 +1,7 @@
 """Scores of maps with rooms, of several runs, by name, and as pictures."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -294,3 +295,23 @@ def test_pictures_without_matplotlib_are_refused_in_one_line(tmp_path, monkeypat
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(OutputError, match=r"no matplotlib to draw with; expected the extra 'plot'"):
         prepare_plots(tmp_path)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("far", [1e30, -1e9, np.inf, np.nan])
+def test_points_of_a_labelled_scan_that_lie_where_no_map_goes_are_passed_over(
+    far, labelled_run, tmp_path
+):
+    shutil.copytree(labelled_run.out, tmp_path / "out")
+    write_cloud(tmp_path / "truth.ply", read_cloud(tmp_path / "out/map.ply"))
+    before = evaluate_run(tmp_path / "out", tmp_path / "truth.ply").scan_by_scan
+    path = tmp_path / "out/scans/000001.ply"
+    cloud = read_cloud(path)
+    x = cloud.columns["x"].copy()
+    x[:3] = far
+    write_cloud(path, Cloud(cloud.columns | {"x": x}, cloud.classes))
+    after = evaluate_run(tmp_path / "out", tmp_path / "truth.ply").scan_by_scan
+    assert before is not None
+    assert after is not None
+    assert after.curve is not None
+    assert len(after.curve.num_voxels if hasattr(after.curve, "num_voxels") else [1]) > 0

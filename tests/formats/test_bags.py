@@ -391,6 +391,25 @@ def test_messages_of_other_encodings_are_refused_with_what_they_are(tmp_path):
     assert "/lidar (foxglove.PointCloud, encoded protobuf)" in said
 
 
+def test_a_camera_whose_messages_are_encoded_in_another_way_is_refused(tmp_path):
+    sweep = containers.sweeps_of(containers.WALK / "scans", containers.WALK / "poses.csv", 1)[0]
+    topic = "/camera/depth/camera_info"
+    depth = np.full((4, 5), 900, "<u2")
+    bag = containers.write_mcap(
+        tmp_path / "depth.mcap",
+        [
+            containers.odometry(sweep, child="camera"),
+            containers.camera_info(MATRIX, sweep.stamp_ns, topic),
+            containers.image(depth, "16UC1", sweep.stamp_ns, "/camera/depth/image_raw"),
+        ],
+        chunked=False,
+    )
+    cdr, other = (topic.encode() + b"\x03\0\0\0" + name for name in (b"cdr", b"xyz"))
+    assert cdr in bag.read_bytes()
+    bag.write_bytes(bag.read_bytes().replace(cdr, other))
+    assert f"messages on {topic} encoded as 'xyz'; expected ros1 or cdr" in refusal(bag)
+
+
 def test_a_message_that_is_not_of_its_type_is_refused(tmp_path):
     bag = tmp_path / "walk.mcap"
     with bag.open("wb") as file:

@@ -146,3 +146,16 @@ def test_a_damaged_ifc_is_read_or_refused_in_one_line(old, tmp_path):
     path.write_bytes(data.replace(old.encode(), old.encode() + b"9" * 5000, 1))
     with suppress(InputError):
         read_building(path, mesh=OPTIONS)
+
+
+@pytest.mark.parametrize("numbers", [1, 3])
+def test_places_in_a_picture_of_other_than_two_numbers_break_nothing(numbers, tmp_path):
+    path = textured(tmp_path / "house.obj", Image.new("RGB", (4, 4), (200, 10, 10)))
+    lines = path.read_text().splitlines()
+    assert any(line.startswith("vt ") for line in lines)
+    path.write_text("\n".join(
+        " ".join([*line.split()[:3], "0"][: 1 + numbers]) if line.startswith("vt ") else line
+        for line in lines
+    ))  # fmt: skip
+    building, _ = read_building(path, mesh=OPTIONS)
+    assert len(building.xyz) > 100

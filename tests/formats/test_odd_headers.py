@@ -186,3 +186,14 @@ def test_extra_bytes_with_a_scale_of_no_use_are_refused_in_one_line(
     path.write_bytes(data[:at] + struct.pack("<d", scale) + data[at + 8 :])
     with pytest.raises(InputError, match="height has a scale or an offset of no use"):
         read_cloud(path)
+
+
+def test_an_extended_las_record_whose_text_is_no_ascii_is_written(tmp_path) -> None:
+    file = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    file.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("survey", 42, "note ??", b"kept")])
+    file.x = file.y = file.z = np.arange(3.0)
+    path = tmp_path / "a.las"
+    file.write(path)
+    path.write_bytes(path.read_bytes().replace(b"note ??", b"note \xff\xfe"))
+    write_labelled(path, tmp_path / "b.las")
+    assert b"kept" in [vlr.record_data for vlr in laspy.read(tmp_path / "b.las").evlrs]

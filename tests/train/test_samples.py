@@ -212,6 +212,16 @@ def test_a_cut_or_changed_file_is_made_again(area, tmp_path):
             assert_same(prepare_samples(area, SETTINGS, path), whole)
 
 
+@pytest.mark.parametrize("table", ["context", "seen"])
+def test_a_table_that_is_lost_after_the_file_was_checked_is_told_in_one_line(area, table, tmp_path):
+    prepare_samples(area, SETTINGS, tmp_path / "samples.h5")
+    with h5py.File(tmp_path / "samples.h5", "r+") as file:
+        del file[table]
+    samples = AreaSamples(tmp_path / "samples.h5")
+    with pytest.raises(InputError, match=f"{table} that cannot be read"):
+        samples.scan(0)
+
+
 def test_a_file_in_which_a_class_has_another_name_is_made_again(area, tmp_path):
     path = tmp_path / "samples.h5"
     whole = prepare_samples(area, SETTINGS, path).classes
