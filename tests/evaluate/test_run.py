@@ -312,6 +312,10 @@ def test_points_of_a_labelled_scan_that_lie_where_no_map_goes_are_passed_over(
     write_cloud(path, Cloud(cloud.columns | {"x": x}, cloud.classes))
     after = evaluate_run(tmp_path / "out", tmp_path / "truth.ply").scan_by_scan
     assert before is not None
+    assert before.curve is not None
     assert after is not None
     assert after.curve is not None
-    assert len(after.curve.num_voxels if hasattr(after.curve, "num_voxels") else [1]) > 0
+    lost = before.curve.voxels - after.curve.voxels
+    assert lost[0] == 0
+    assert (lost >= 0).all()
+    assert (lost <= 3).all()
