@@ -53,6 +53,8 @@ def _in_fork(seed: int, folder: Path, count: int) -> dict[str, object]:
     most = int(_status_mb("VmData") + MOST_MB) << 20
     resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     report = Report(seed)
+    gc.collect()
+    gc.freeze()  # what was there before is not searched for circles again and again
     read_damaged(seed, files, folder, report, count)
     return report.as_dict()
 
