@@ -18,7 +18,6 @@ from mcpseg_cli.evaluate.run_folder import RunFolder
 from mcpseg_cli.evaluate.score_curve import CurveRecorder, ScoreCurve
 from mcpseg_cli.formats import read_measured
 from mcpseg_cli.formats.labels import point_labels
-from mcpseg_cli.grid import MAX_VOXEL
 from mcpseg_cli.incremental.voxel_map import VoxelMap
 from mcpseg_cli.segment.checkpoint import State
 from mcpseg_cli.segment.events import ScanEvent
@@ -225,7 +224,7 @@ def _looks(
         xyz = intake.place_points(cloud.xyz, pose)
 
         # the first labelled point of every voxel
-        ids = _find(voxels, xyz)
+        ids = voxels.find(xyz)
         usable = (ids >= 0) & ((semantic != UNKNOWN) | (instance > 0))
         if is_rounded:
             usable &= _is_inside(xyz, voxels.voxel_size)
@@ -233,14 +232,6 @@ def _looks(
         _, first = np.unique(ids[labelled], return_index=True)
         rows = labelled[first]
         yield ids[rows], semantic[rows], instance[rows]
-
-
-def _find(voxels: VoxelMap, xyz: NDArray[np.float32]) -> NDArray[np.int32]:
-    """Find the voxels of points, of which some may lie where no map goes; -1 for none."""
-    ids = np.full(len(xyz), -1, np.int32)
-    near = (np.abs(xyz) < (MAX_VOXEL - 16) * voxels.voxel_size).all(axis=1)
-    ids[near] = voxels.find(xyz[near])
-    return ids
 
 
 def _is_inside(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.bool_]:

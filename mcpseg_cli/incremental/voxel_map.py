@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mcpseg_cli.choices import ContextWindow
-from mcpseg_cli.grid import voxel_of
+from mcpseg_cli.grid import MAX_VOXEL, voxel_of
 from mcpseg_cli.incremental.column import IN_MEMORY, RESERVED_ROWS, Column, Memory
 
 _EMPTY = -1
@@ -96,13 +96,15 @@ class VoxelMap:
         """Return the id of the voxel each point falls into, -1 where the map has none.
 
         Args:
-            xyz: (N, 3) float32, metres, map frame.
+            xyz: (N, 3) float32, metres, map frame; some may lie where no map goes.
 
         Returns:
             (N,) int32.
         """
-        voxel = voxel_of(xyz, self.voxel_size)
+        beyond = ~(np.abs(xyz) < (MAX_VOXEL - 16) * self.voxel_size)
+        voxel = voxel_of(np.where(beyond, np.float32(0), xyz), self.voxel_size)
         ids: NDArray[np.int32] = _find_voxels(voxel, self._blocks)
+        ids[beyond.any(axis=1)] = -1
         return ids
 
     def neighbours(self, ids: NDArray[np.int32], reach: int = NEIGHBOUR_REACH) -> NDArray[np.int32]:

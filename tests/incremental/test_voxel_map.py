@@ -63,6 +63,14 @@ def test_find_says_minus_one_where_the_map_is_empty():
     assert small.find(np.array([[0, 0, 0], [0, 0, 9]], np.float32)).tolist() == [0, -1]
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [5e5, -5e5, 3e38, np.inf, np.nan])
+def test_find_says_minus_one_where_no_map_goes(far):
+    small = VoxelMap(0.1)
+    small.insert(np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8))
+    assert small.find(np.array([[0, far, 0], [0, 0, 0]], np.float32)).tolist() == [-1, 0]
+
+
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_neighbours_are_those_of_the_slow_twin(seed):
