@@ -410,6 +410,27 @@ def test_a_camera_whose_messages_are_encoded_in_another_way_is_refused(tmp_path)
     assert f"messages on {topic} encoded as 'xyz'; expected ros1 or cdr" in refusal(bag)
 
 
+@pytest.mark.parametrize("field", ["std_msgs/Header header", "string encoding", "uint32 width"])
+def test_images_of_a_type_that_lacks_a_field_are_refused(field, tmp_path):
+    sweep = containers.sweeps_of(containers.WALK / "scans", containers.WALK / "poses.csv", 1)[0]
+    depth, colour = np.full((4, 5), 900, "<u2"), np.zeros((4, 5, 3), np.uint8)
+    bag = containers.write_mcap(
+        tmp_path / "depth.mcap",
+        [
+            containers.odometry(sweep, child="camera"),
+            containers.camera_info(MATRIX, sweep.stamp_ns, "/camera/depth/camera_info"),
+            containers.image(depth, "16UC1", sweep.stamp_ns, "/camera/depth/image_raw"),
+            containers.image(colour, "rgb8", sweep.stamp_ns, "/camera/color/image_raw"),
+        ],
+        chunked=False,
+    )
+    data = bag.read_bytes()
+    start = data.index(b"sensor_msgs/msg/Image")  # and again in the summary at its end
+    named = field.encode()
+    bag.write_bytes(data[:start] + data[start:].replace(named, named[:-1] + b"X"))
+    assert "is no sensor_msgs/msg/Image" in refusal(bag)
+
+
 def test_a_message_that_is_not_of_its_type_is_refused(tmp_path):
     bag = tmp_path / "walk.mcap"
     with bag.open("wb") as file:

@@ -113,7 +113,10 @@ class Colours:
         if raw is None:
             found = f"no message on {name}"
             raise InputError(self._path, found, "those it promises", "record it again")
-        return cast(ros.Image, self._bag.decode(raw))
+        image = cast(ros.Image, self._bag.decode(raw))
+        with told_of_fields(self._path, self._bag.topics[name]):
+            _ = (_place(image), image.encoding)
+        return image
 
     def add(self, raw: RawMessage) -> None:
         """Take note of a message, if it is a colour image."""
