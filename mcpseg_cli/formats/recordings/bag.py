@@ -119,7 +119,7 @@ def _scan_topic(path: Path, bag: BagFiles, chosen: str | None) -> Topic:
     known = [topic for topic in bag.topics.values() if topic.encoding in ("ros1", "cdr")]
     known = [topic for topic in known if topic.count]
     clouds = [topic for topic in known if topic.type == ros.CLOUD]
-    depths = [topic for topic in known if topic.type == ros.IMAGE and _is_depth(bag, topic)]
+    depths = [topic for topic in known if topic.type == ros.IMAGE and _is_depth(path, bag, topic)]
     if chosen is not None:
         named = [topic for topic in (*clouds, *depths) if topic.name == chosen]
         if named:
@@ -138,12 +138,13 @@ def _scan_topic(path: Path, bag: BagFiles, chosen: str | None) -> Topic:
     raise InputError(path, found, "ROS messages of one of them", "record or convert them")
 
 
-def _is_depth(bag: BagFiles, topic: Topic) -> bool:
+def _is_depth(path: Path, bag: BagFiles, topic: Topic) -> bool:
     """Tell whether the images of a topic are depth, by the first."""
     first = next(iter(bag.messages([topic.name])), None)
     if first is None:
         return False
-    return cast(ros.Image, bag.decode(first)).encoding in ros.DEPTH_ENCODINGS
+    with told_of_fields(path, topic):
+        return cast(ros.Image, bag.decode(first)).encoding in ros.DEPTH_ENCODINGS
 
 
 def _list(topics: Sequence[Topic]) -> str:
