@@ -226,9 +226,9 @@ def _looks(
         # the first labelled point of every voxel
         ids = voxels.find(xyz)
         usable = (ids >= 0) & ((semantic != UNKNOWN) | (instance > 0))
-        if is_rounded:
-            usable &= _is_inside(xyz, voxels.voxel_size)
         labelled = np.flatnonzero(usable)
+        if is_rounded:
+            labelled = labelled[_is_inside(xyz[labelled], voxels.voxel_size)]
         _, first = np.unique(ids[labelled], return_index=True)
         rows = labelled[first]
         yield ids[rows], semantic[rows], instance[rows]
@@ -236,7 +236,7 @@ def _looks(
 
 def _is_inside(xyz: NDArray[np.float32], voxel_size: float) -> NDArray[np.bool_]:
     """Tell which points are so far inside their voxel that rounding cannot move them out; (N,)."""
-    place = np.nan_to_num(xyz.astype(np.float64)) / voxel_size + 0.5
+    place = xyz.astype(np.float64) / voxel_size + 0.5
     far = np.abs(place - np.rint(place)) > _LAS_ROUNDING / voxel_size
     inside: NDArray[np.bool_] = np.logical_and.reduce(far, axis=1)
     return inside

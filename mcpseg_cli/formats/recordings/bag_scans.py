@@ -93,30 +93,34 @@ class Colours:
     def __init__(self, path: Path, bag: BagFiles, depth_topic: str) -> None:
         self._path, self._bag = path, bag
         depth = self._first(depth_topic)
-        images = [
-            (topic.name, self._first(topic.name))
+        images = {
+            topic.name: self._first(topic.name)
             for topic in bag.topics.values()
             if topic.type == ros.IMAGE and topic.name != depth_topic and topic.count
-        ]
-        colours = [(name, one) for name, one in images if one.encoding in ros.COLOUR_ENCODINGS]
-        same = [name for name, one in colours if _place(one) == _place(depth)]
+        }
+        colours = {name: one for name, one in images.items() if one[0] in ros.COLOUR_ENCODINGS}
+        same = [name for name, one in colours.items() if one[1:] == depth[1:]]
         self.topic = same[0] if len(same) == 1 else ""
         self.notes: tuple[str, ...] = (f"colours: {self.topic}",) if self.topic else ()
         if colours and not self.topic:
-            names = ", ".join(name for name, _ in colours)
+            names = ", ".join(colours)
             why = "several of its camera" if same else "none of the frame and size of the depth"
             self.notes = (f"no colours: {names}: {why}",)
         self._places: list[tuple[int, Place]] = []
 
-    def _first(self, name: str) -> ros.Image:
+    def _first(self, name: str) -> tuple[str, str, int, int]:
+        """Return encoding, frame, height and width of the first image of a topic.
+
+        Images of one camera, or registered to it, have all but the first in common.
+        """
         raw = next(iter(self._bag.messages([name])), None)
         if raw is None:
             found = f"no message on {name}"
             raise InputError(self._path, found, "those it promises", "record it again")
         image = cast(ros.Image, self._bag.decode(raw))
         with told_of_fields(self._path, self._bag.topics[name]):
-            _ = (_place(image), image.encoding)
-        return image
+            frame = image.header.frame_id.lstrip("/")
+            return image.encoding, frame, image.height, image.width
 
     def add(self, raw: RawMessage) -> None:
         """Take note of a message, if it is a colour image."""
@@ -136,11 +140,6 @@ class Colours:
         if raw is None:
             return None
         return ros.colour_of(self._path, cast(ros.Image, self._bag.decode(raw)))
-
-
-def _place(image: ros.Image) -> tuple[str, int, int]:
-    """Return what images of one camera, or registered to it, have in common."""
-    return image.header.frame_id.lstrip("/"), image.height, image.width
 
 
 @dataclass(frozen=True, eq=False)
