@@ -31,7 +31,7 @@ class NetworkClassifier:
 
     Args:
         weights: Network and class table.
-        settings: Batch size, where not given, is the network's own.
+        settings: Batch size among them, complete.
         precision: Arithmetic of context pooling, which runs on as many threads as torch is set to;
             ``auto`` is bf16 where the processor computes it natively.
         device: Where the network runs, as torch names it.
@@ -49,7 +49,7 @@ class NetworkClassifier:
         device: str = "cpu",
     ) -> None:
         self.weights = weights
-        self.settings = weights.network.traits.complete(settings)
+        self.settings = settings
         self.classes = weights.info.classes
         self.precision = resolve_precision(precision, device)
 
